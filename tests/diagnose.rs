@@ -5,6 +5,8 @@
 use navfuse_core::document::Document;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::simulate::Random;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_diagnose::{Diagnosis, Options, apply, diagnose};
 use std::sync::atomic::AtomicBool;
 
@@ -192,6 +194,49 @@ fn calibration(draw: &mut Draw) -> Case {
     };
     let settings = format!("sensor.{state}={{ initial = {initial}, truth = {truth} }}");
     Case { settings, change: state.replace('.', ": ") }
+}
+
+/// The first reason of the run itself, which no diagnosis follows.
+fn first_reason(settings: &[String]) -> String {
+    let mut document = Document::parse("dive.toml", DIVE).expect("the scenario is TOML");
+    settings.iter().for_each(|s| document.set(s).expect("the setting is one"));
+    let registry = navfuse::standard_plugins();
+    let scenario = Scenario::new(&registry, document, &[]).expect("the scenario has tables");
+    let assembly = scenario.assemble(None).expect("the scenario composes");
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    finished.summary.verdict.reasons.first().map_or_else(String::new, ToString::to_string)
+}
+
+/// An IMU that is turned by quarters, in draws of rate and seed, whether gravity or only the accelerations
+/// show it.
+#[test]
+fn a_run_names_the_turned_axes_of_an_imu_without_a_diagnosis() {
+    let swap = |a: &str, b: &str| {
+        let of =
+            |v: &str| format!("{{ type = \"swap\", channels = [\"{v}_{a}\", \"{v}_{b}\"] }}, ");
+        of("gyro") + &of("accel")
+    };
+    let sign = |axis: &str| {
+        format!("{{ type = \"sign\", channels = [\"gyro_{axis}\", \"accel_{axis}\"] }}, ")
+    };
+    let kinds = [
+        (swap("x", "y") + &sign("x"), "axes are turned"),
+        (swap("x", "y") + &sign("y"), "axes are turned"),
+        (sign("x") + &sign("y"), "axes are turned"),
+        (sign("y") + &sign("z"), "upside down"),
+        (sign("x") + &sign("z"), "upside down"),
+        (swap("x", "z") + &sign("x"), "axes are turned"),
+        (swap("y", "z") + &sign("z"), "axes are turned"),
+    ];
+    for (faults, words) in &kinds {
+        for (seed, rate) in [(1, 40), (2, 50), (3, 80)] {
+            let simulation = format!("{{ rate = \"{rate} Hz\", faults = [{faults}] }}");
+            let settings = [format!("seed={seed}"), format!("sensor.imu.simulation={simulation}")];
+            let first = first_reason(&settings);
+            let named = first.starts_with("imu") && first.contains(words);
+            assert!(named, "{rate} Hz, {faults}: {first}");
+        }
+    }
 }
 
 fn run(text: &str, settings: &[String]) -> Diagnosis {

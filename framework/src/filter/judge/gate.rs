@@ -143,12 +143,20 @@ impl Ekf {
     }
 
     /// Keeps what a sample that is not used shows of the fault.
-    pub(in crate::filter) fn withhold(&mut self, attempt: &Attempt<'_>) {
+    pub(in crate::filter) fn withhold(
+        &mut self,
+        attempt: &Attempt<'_>,
+        observer: &mut dyn Observer,
+    ) {
         let Parts { estimate, sensors, .. } = &mut self.parts;
         let update = &mut self.work.update;
         let slot = &mut sensors[attempt.index];
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, attempt.present, false);
+        }
+        if let Some(factor) = &mut slot.factor {
+            let info = &self.composition.sensors[attempt.index].info;
+            factor.take((attempt.sample, attempt.present), (update, false), info, observer);
         }
         let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);
         if first && slot.recovery.action == Action::Inflate {

@@ -3,6 +3,7 @@
 pub(super) mod bias;
 pub(super) mod curvature;
 mod detect;
+pub(super) mod factor;
 pub(super) mod gate;
 pub(super) mod lockout;
 pub(super) mod noise_level;

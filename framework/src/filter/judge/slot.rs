@@ -3,6 +3,7 @@
 use crate::checkpoint::saved;
 use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::curvature::Curvature;
+use crate::filter::judge::factor::Factor;
 use crate::filter::judge::lockout::{Isolation, Lockout};
 use crate::filter::judge::noise_level::NoiseLevel;
 use crate::filter::judge::stuck::Repeats;
@@ -41,6 +42,9 @@ pub(in crate::filter) struct SensorSlot {
     /// Sequential test on the innovations; none where a constraint gives them, or several of one
     /// time.
     pub(in crate::filter) bias: Option<BiasTest>,
+    /// Sign and unit of the channels; none where a constraint gives the samples, or several of one
+    /// time.
+    pub(in crate::filter) factor: Option<Factor>,
     /// Check of the linearisation; none where a constraint gives the samples.
     pub(in crate::filter) curvature: Option<Curvature>,
     limits: Vec<(usize, Limit)>,
@@ -51,7 +55,7 @@ pub(in crate::filter) struct SensorSlot {
 saved!(SensorSlot {
     last, lockout, reach, refused, plausible,
 } each {
-    noise, repeats, bias, curvature,
+    noise, repeats, bias, factor, curvature,
 } except {
     name, channels, several, thresholds, recovery, robust, limits,
 });
@@ -85,6 +89,7 @@ impl SensorSlot {
             // successive observations are not of one channel
             repeats: (watched && !several).then(Repeats::default),
             bias: (watched && !several).then(|| BiasTest::new(used)),
+            factor: (watched && !several).then(|| Factor::new(&sensor.info, used)),
             curvature: watched.then(Curvature::default),
             limits: sensor.limits.clone(),
             plausible: None,

@@ -4,7 +4,7 @@ use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::model::process::Input;
-use crate::model::process::monitor::Monitor;
+use crate::model::process::monitor::{MeasuredVelocity, Monitor};
 use crate::model::process::start::FilterView;
 use crate::model::record::finding::Finding;
 use crate::model::sensor::detector::Detector;
@@ -39,6 +39,20 @@ impl Watch {
         input: &Input<'_>,
     ) -> Option<Finding> {
         self.monitor.as_mut()?.input(&estimate.view(layout, None), input)
+    }
+
+    /// Returns `true` if there is a monitor.
+    pub(in crate::filter) fn monitors(&self) -> bool {
+        self.monitor.is_some()
+    }
+
+    /// Shows the velocity that a sample measures to the monitor.
+    pub(in crate::filter) fn measured(
+        &mut self,
+        filter: &FilterView<'_>,
+        velocity: &MeasuredVelocity<'_>,
+    ) {
+        self.monitor.iter_mut().for_each(|monitor| monitor.measured(filter, velocity));
     }
 
     /// Shows a corrected estimate to the monitor.

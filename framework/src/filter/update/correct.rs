@@ -56,6 +56,7 @@ impl Ekf {
         if self.is_stuck(&attempt, observer) {
             return Ok(());
         }
+        self.watch_velocity(attempt.index);
         let judgement = self.judge(&attempt, nis, observer);
         let accepted = judgement.outcome == Outcome::Accepted;
         if accepted && !self.refine(&attempt, judgement.verdict, observer) {
@@ -64,7 +65,7 @@ impl Ekf {
         }
         self.record(&attempt, &judgement, observer);
         if !accepted {
-            self.withhold(&attempt);
+            self.withhold(&attempt, observer);
             return Ok(());
         }
         self.apply(&attempt, observer);
@@ -198,6 +199,10 @@ impl Ekf {
         }
         update.apply(&mut estimate.covariance, &self.considered);
         rule.corrects(&mut update.delta);
+        if let Some(factor) = &mut slot.factor {
+            let info = &self.composition.sensors[index].info;
+            factor.take((sample, present), (update, true), info, observer);
+        }
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);
         }

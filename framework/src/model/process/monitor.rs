@@ -5,6 +5,17 @@ use crate::model::process::Input;
 use crate::model::process::start::FilterView;
 use crate::model::record::finding::Finding;
 
+/// A velocity of the body that a sample measures, taken with the attitude of the estimate.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredVelocity<'a> {
+    /// Name of the sensor.
+    pub sensor: &'a str,
+    /// North, east, down, m/s.
+    pub velocity: [f64; 3],
+    /// Set if the sensor measures in axes of its own, and not north, east and down.
+    pub own_axes: bool,
+}
+
 /// Watches the driving sensor of a process while the filter runs, and reports its faults.
 ///
 /// A process hands its monitor over when it is built
@@ -58,6 +69,9 @@ pub trait Monitor: Send {
     /// Sees that a measuring sensor has corrected the estimate, while the gate of every sensor passed
     /// its last sample.
     fn corrected(&mut self, _filter: &FilterView<'_>) {}
+
+    /// Sees the velocity that a sample of a measuring sensor determines, whatever the gate makes of it.
+    fn measured(&mut self, _filter: &FilterView<'_>, _velocity: &MeasuredVelocity<'_>) {}
 
     /// Sees that the filter has widened the covariance, after a recovery or for an error that it
     /// has found: the difference of two variances says nothing about a move of the estimate across

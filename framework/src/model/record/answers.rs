@@ -93,15 +93,17 @@ impl Criterion {
             Self::Reference => "the estimate contradicts it",
         }
     }
-
-    /// Returns `true` if a violation says that the reported sigma is wrong.
-    fn doubts_sigma(self) -> bool {
-        let others = [Self::Ended, Self::Finding, Self::Alignment, Self::Rejected, Self::Unused];
-        !others.contains(&self)
-    }
 }
 
 impl Reason {
+    /// Returns `true` if the reason shows that the reported sigma is wrong. A fault that makes the result
+    /// useless stands for the innovations that contradict it.
+    fn doubts_sigma(&self) -> bool {
+        use Criterion::{Alignment, Ended, Finding, Rejected, Unused};
+        let useless = (self.criterion, self.severity) == (Finding, Severity::DoNotUse);
+        useless || ![Ended, Finding, Alignment, Rejected, Unused].contains(&self.criterion)
+    }
+
     /// Returns `true` if the noise is stated too large: the actual sigma is the smaller one.
     fn safe(&self) -> bool {
         self.severity == Severity::Note && self.remedy.ends_with("too large")
@@ -128,7 +130,7 @@ impl Verdict {
             VerdictLevel::Doubtful => Usable::WithCare,
             VerdictLevel::DoNotUse => Usable::No,
         };
-        let sigma = || self.reasons.iter().filter(|r| r.criterion.doubts_sigma());
+        let sigma = || self.reasons.iter().filter(|r| r.doubts_sigma());
         let sigma = match () {
             () if sigma().any(|r| r.severity > Severity::Contained && !r.safe()) => Truth::TooSmall,
             () if sigma().any(Reason::safe) && sigma().all(Reason::safe) => Truth::TooLarge,

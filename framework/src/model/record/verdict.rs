@@ -81,6 +81,17 @@ pub enum Criterion {
     Reference,
 }
 
+impl Criterion {
+    /// Returns `true` if a violation shows that sensors contradict the filter, and not why.
+    pub(crate) fn compares(self) -> bool {
+        use Criterion::{Bias, Channel, Contradiction, Correlation, Drift, Gated};
+        use Criterion::{Nis, NisOfMinute, Prior};
+        let all =
+            [Bias, Channel, Contradiction, Correlation, Drift, Gated, Nis, NisOfMinute, Prior];
+        all.contains(&self)
+    }
+}
+
 /// Reason of a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reason {

@@ -113,6 +113,19 @@ impl Judge {
         ));
     }
 
+    /// Takes the driving sensor first where it is found useless and several sensors contradict the filter:
+    /// its fault explains all of them, and the fault of one sensor explains one.
+    fn blame_the_driver(&self, reasons: &mut [Reason]) {
+        let drives = |r: &Reason| {
+            let drivers = self.infos.iter().filter(|info| info.purpose == Purpose::Input);
+            names_the_fault(r) && drivers.into_iter().any(|info| info.name == r.about)
+        };
+        let useless = reasons.iter().filter(|r| names_the_fault(r)).count();
+        if let Some(at) = reasons.iter().position(drives).filter(|_| useless > 2) {
+            reasons[..=at].rotate_right(1);
+        }
+    }
+
     /// Judges the run, with the findings of the filter, the error that ended it, and the comparisons
     /// with the reference.
     pub(crate) fn verdict(
@@ -122,9 +135,11 @@ impl Judge {
         (references, end): (&[Compared], Option<Time>),
     ) -> Verdict {
         let mut report = Report::default();
-        let (own, compared): (Vec<&Finding>, Vec<&Finding>) =
-            of_each_part(findings).into_iter().partition(|f| f.basis == Basis::Samples);
-        report.reasons.extend(own.into_iter().map(found));
+        let found_of = |basis: Basis| {
+            let findings = of_each_part(findings).into_iter().filter(move |f| f.basis == basis);
+            findings.map(found)
+        };
+        report.reasons.extend(found_of(Basis::Samples));
         report.reasons.extend(error.map(|text| {
             reason(
                 Criterion::Ended,
@@ -134,7 +149,13 @@ impl Judge {
                 "",
             )
         }));
-        report.reasons.extend(compared.into_iter().map(found));
+        report.reasons.extend(found_of(Basis::Explanation));
+        let explained = report.reasons.iter().any(names_the_fault);
+        if !explained {
+            let mut compared: Vec<Reason> = found_of(Basis::Comparison).collect();
+            self.blame_the_driver(&mut compared);
+            report.reasons.append(&mut compared);
+        }
         report.reasons.extend(self.wide.iter().map(|prior| prior.reason().clone()));
         report.reasons.append(&mut self.reasons);
         let sensors = || self.sensors.iter().flatten();
@@ -148,10 +169,17 @@ impl Judge {
         if let Some((reference, end)) = self.reference.as_ref().zip(end) {
             reference.judge(alpha, (references, end), &mut report);
         }
+        report.reasons.retain(|reason| !(explained && reason.criterion.compares()));
         contain(&mut report.reasons);
         self.wide.iter().for_each(|prior| prior.acquit(&mut report.reasons));
         Verdict::new(report.reasons, report.sensors)
     }
+}
+
+/// True for a fault of a part that makes the result useless: what compares the sensors contradicts the
+/// filter as well, and names healthy ones.
+fn names_the_fault(reason: &Reason) -> bool {
+    (reason.criterion, reason.severity) == (Criterion::Finding, Severity::DoNotUse)
 }
 
 /// Takes samples that were gated or rejected as part of a fault of their sensor that was found and

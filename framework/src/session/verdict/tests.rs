@@ -7,10 +7,13 @@ use super::states::StateStatistics;
 use super::{Judge, of_each_part};
 use crate::compose::Composer;
 use crate::model::chi_square::gated_moments;
+use crate::model::record::answers::Truth;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::verdict::{Criterion, Verdict};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Gate;
+use crate::model::sensor::mounting::Mounting;
+use crate::model::sensor::{Purpose, SensorInfo};
 use crate::model::simulate::Random;
 use crate::state::covariance::{Covariance, Update};
 use crate::state::manifold::Scalar;
@@ -202,7 +205,14 @@ fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
     };
     composer.block::<Scalar>("bias", spec).unwrap();
     let states = StateStatistics::new(&composer.finish().0, &[false], true, 1);
-    let (infos, sensors, reasons) = (Vec::new(), vec![None], Vec::new());
+    let driver = SensorInfo {
+        name: "imu".to_owned(),
+        kind: String::new(),
+        channels: Vec::new(),
+        purpose: Purpose::Input,
+        mounting: Mounting::default(),
+    };
+    let (infos, sensors, reasons) = (vec![driver], vec![None], Vec::new());
     let mut judge = Judge {
         infos,
         sensors,
@@ -272,5 +282,32 @@ fn of_reasons_of_one_severity_those_that_the_samples_of_a_part_show_come_first()
         let reasons = corrected(0.0, &findings).reasons;
         let parts: Vec<&str> = reasons.iter().map(|r| r.about.as_str()).collect();
         assert_eq!(parts, ["imu", "dvl"]);
+    }
+}
+
+/// An innovation of 10 moves the state far from its prior. A fault that names itself explains that, and
+/// one that only comparisons show does not. The driving sensor explains several others.
+#[test]
+fn what_the_first_fault_explains_is_left_out() {
+    let finding = |about: &str, basis| Finding {
+        time: Time::MIN,
+        about: about.to_owned(),
+        severity: Severity::DoNotUse,
+        basis,
+        text: String::new(),
+        remedy: String::new(),
+    };
+    let parts = |findings: &[Finding]| -> Vec<String> {
+        corrected(10.0, findings).reasons.into_iter().map(|r| r.about).collect()
+    };
+    let compared = ["depth", "dvl", "imu"].map(|about| finding(about, Basis::Comparison));
+    assert_eq!(parts(&compared[..2]), ["depth", "dvl", "dvl.bias"]);
+    assert_eq!(parts(&compared[1..]), ["dvl", "imu", "dvl.bias"]);
+    assert_eq!(parts(&compared), ["imu", "depth", "dvl", "dvl.bias"]);
+    for basis in [Basis::Explanation, Basis::Samples] {
+        let all = [&compared[..], &[finding("gnss", basis)]].concat();
+        assert_eq!(parts(&all), ["gnss"]);
+        let verdict = corrected(10.0, &all);
+        assert_eq!(verdict.answers().sigma, Truth::TooSmall);
     }
 }

@@ -1,9 +1,10 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Six rules, each in a file of its own: the specific force is about as large as gravity and points
-//! up, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
+//! Seven rules, each in a file of its own: the specific force is about as large as gravity and points
+//! up, the accelerations are those that another sensor measures, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
 //! enough for the accelerometers, the heading for the way made, and constant biases stay constant.
 
+mod axes;
 mod drift;
 mod fault;
 mod gravity;
@@ -14,6 +15,7 @@ mod whiteness;
 
 use crate::imu::Imu;
 use crate::navigation::Navigation;
+use axes::Axes;
 use drift::Drift;
 use fault::Fault;
 use gravity::Gravity;
@@ -22,7 +24,7 @@ use levelling::Levelling;
 use nalgebra::Vector3;
 use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::process::Input;
-use navfuse_core::model::process::monitor::Monitor;
+use navfuse_core::model::process::monitor::{MeasuredVelocity, Monitor};
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::units::time::Time;
@@ -36,6 +38,7 @@ pub(crate) struct ImuMonitor {
     imu: Imu,
     navigation: Navigation,
     gravity: Gravity,
+    axes: Axes,
     levelling: Levelling,
     heading: Heading,
     turning: Turning,
@@ -44,7 +47,7 @@ pub(crate) struct ImuMonitor {
 }
 
 saved!(ImuMonitor {
-    gravity, levelling, heading, turning, whiteness, drift,
+    gravity, axes, levelling, heading, turning, whiteness, drift,
 } except {
     name, imu, navigation,
 });
@@ -58,6 +61,7 @@ impl ImuMonitor {
             imu: imu.clone(),
             navigation,
             gravity: Gravity::new(tilt),
+            axes: Axes::default(),
             levelling: Levelling::new(navigation, tilt.is_none()),
             heading: Heading::new(navigation),
             turning: Turning::default(),
@@ -66,9 +70,14 @@ impl ImuMonitor {
         }
     }
 
-    fn finding(&self, time: Time, fault: Fault) -> Finding {
+    /// Finding about the IMU, or about the IMU and another sensor of which one is at fault.
+    fn finding(&self, time: Time, fault: Fault, other: Option<&str>) -> Finding {
         let Fault { severity, basis, text, remedy } = fault;
-        let (about, remedy) = (self.name.clone(), remedy.to_owned());
+        let remedy = remedy.to_owned();
+        let about = match other {
+            Some(other) => format!("{}, {other}", self.name),
+            None => self.name.clone(),
+        };
         Finding { time, about, severity, basis, text, remedy }
     }
 }
@@ -81,13 +90,20 @@ impl Monitor for ImuMonitor {
         }
         let (w, f) = self.imu.rates(input.sample, input.usual)?;
         let (time, dt) = (input.sample.time, input.usual);
-        let fault = (self.gravity.take(filter, &self.navigation, &f, dt))
-            .or_else(|| self.turning.take(&w, &f, dt))
+        if let Some(fault) = self.gravity.take(filter, &self.navigation, &f, dt) {
+            self.axes.end();
+            return Some(self.finding(time, fault, None));
+        }
+        if let Some((fault, other)) = self.axes.take(&f, dt) {
+            let other = other.map(str::to_owned);
+            return Some(self.finding(time, fault, other.as_deref()));
+        }
+        let fault = (self.turning.take(&w, &f, dt))
             .or_else(|| self.whiteness.take(&w, &f, dt))
             .or_else(|| self.levelling.take(filter, time))
             .or_else(|| self.heading.take(filter, time))
             .or_else(|| self.drift.take(filter, time));
-        fault.map(|fault| self.finding(time, fault))
+        fault.map(|fault| self.finding(time, fault, None))
     }
 
     fn corrected(&mut self, filter: &FilterView<'_>) {
@@ -96,6 +112,10 @@ impl Monitor for ImuMonitor {
         let v: Vector3<f64> = filter.state.get(filter.layout, n.velocity);
         self.turning.velocity = c_b_n.inverse() * v;
         self.gravity.corrected(&v);
+    }
+
+    fn measured(&mut self, filter: &FilterView<'_>, velocity: &MeasuredVelocity<'_>) {
+        self.axes.measured(filter, &self.navigation, velocity);
     }
 
     fn widened(&mut self) {

@@ -10,7 +10,7 @@
 
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
-use super::score::SPAN;
+use super::score::{SPAN, leading};
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::Layout;
@@ -118,6 +118,12 @@ impl BiasSteps {
         self.start = Time::MIN;
     }
 
+    /// Score in sigma of the most significant step.
+    pub(super) fn score(&self) -> f64 {
+        let scores = self.axes.iter().flat_map(|axis| &axis.effect.scores);
+        scores.fold(0.0, |most, score| most.max(score.sigmas().abs()))
+    }
+
     pub(super) fn take(&mut self, sample: &Whitened<'_>, time: Time) {
         if self.start == Time::MIN {
             self.begin(time);
@@ -128,20 +134,24 @@ impl BiasSteps {
         }
     }
 
-    /// Ends a span where one is due. A significant step widens the covariance, and is returned if it is
-    /// more severe than those before.
+    /// Ends a span where one is due. A significant step widens the covariance, unless another
+    /// explanation of the score `rival` leads it clearly, and is returned if it is more severe than
+    /// those before.
     pub(super) fn corrected(
         &mut self,
         time: Time,
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
+        rival: impl Fn() -> f64,
     ) -> Option<Step> {
         if time.since(self.span) < SPAN {
             return None;
         }
         self.span = time;
         self.effects().for_each(Effect::end_span);
-        let Some((axis, found)) = self.worst(time, covariance, considered) else {
+        let worst = self.worst(time, covariance, considered);
+        let leads = |(_, found): &(usize, Found)| rival() < leading(found.score.sigmas().abs());
+        let Some((axis, found)) = worst.filter(leads) else {
             self.renew(time);
             return None;
         };

@@ -181,11 +181,6 @@ impl Effect {
         self.scores.iter_mut().for_each(Score::end_span);
     }
 
-    /// Score in sigma of the most significant hypothesis.
-    pub(super) fn score(&self) -> f64 {
-        self.scores.iter().fold(0.0, |most, score| most.max(score.sigmas().abs()))
-    }
-
     /// Begins one hypothesis again.
     pub(super) fn renew(&mut self, sum: usize, time: Time) {
         self.scores[sum] = Score::new(time);

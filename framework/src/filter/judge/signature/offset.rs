@@ -10,7 +10,7 @@
 
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
-use super::score::SPAN;
+use super::score::{SPAN, Score};
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
@@ -23,6 +23,8 @@ use crate::units::time::Time;
 const TURN: f64 = 120.0;
 /// Least time over which the slope is taken, and the longest, s.
 const SLOPE: (f64, f64) = (0.1, 1.5);
+/// Largest offset to which the test is linear, s: `d = -dh/dt` is known as a mean over a slope.
+const LINEAR: f64 = SLOPE.1;
 /// Score in sigma at which an offset is significant: while a car with an IMU of MEMS finds its heading,
 /// the curvature of its track gives one of 5.2 in 3 of 200 runs.
 const SIGNIFICANT: f64 = 6.0;
@@ -67,6 +69,11 @@ pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) 
     }
 }
 
+/// Returns `true` if the size of an offset is within the range of the test.
+fn linear(score: &Score) -> bool {
+    score.size().abs() < LINEAR
+}
+
 impl Offset {
     pub(super) fn new(n: usize) -> Self {
         Self {
@@ -84,8 +91,10 @@ impl Offset {
         &mut self.effect
     }
 
+    /// Score in sigma of the most significant offset within the range of the test.
     pub(super) fn score(&self) -> f64 {
-        self.effect.score()
+        let scores = self.effect.scores.iter().filter(|score| linear(score));
+        scores.fold(0.0, |most, score| most.max(score.sigmas().abs()))
     }
 
     /// Takes a sample; `present` has the channels of one of the sensor itself.
@@ -125,8 +134,8 @@ impl Offset {
 
     /// Keeps the corrected state where the next slope begins there, and widens the covariance where
     /// it does not contain an offset that was found. Ends a span where one is due, and returns a
-    /// significant offset that is more severe than those before. `rival` is the score of another
-    /// error of the sensor.
+    /// significant offset that is more severe than those before. `rival` is the score that it has to
+    /// exceed.
     pub(super) fn corrected(
         &mut self,
         state: &State,
@@ -150,7 +159,10 @@ impl Offset {
         let before = self.severity;
         self.severity = before.max(worst.map(|worst| worst.severity));
         if self.severity.is_some() {
-            let significant = |sum: &usize| self.effect.scores[*sum].sigmas().abs() >= SIGNIFICANT;
+            let significant = |sum: &usize| {
+                let score = &self.effect.scores[*sum];
+                linear(score) && score.sigmas().abs() >= SIGNIFICANT
+            };
             for sum in (0..SUMS).filter(significant) {
                 containment.contain((&self.effect, sum), covariance);
             }
@@ -162,7 +174,10 @@ impl Offset {
     fn worst(&mut self, time: Time, covariance: &Covariance, considered: &[bool]) -> Option<Found> {
         self.span = time;
         self.effect.end_span();
-        let worst = self.effect.worst((SIGNIFICANT, |_| true), covariance, considered);
+        let worst = {
+            let counts = |sum: usize| linear(&self.effect.scores[sum]);
+            self.effect.worst((SIGNIFICANT, counts), covariance, considered)
+        };
         if time.since(self.effect.newest()) >= TURN {
             self.effect.renew(self.next, time);
             self.next = 1 + self.next % (SUMS - 1);

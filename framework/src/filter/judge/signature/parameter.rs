@@ -6,7 +6,7 @@
 
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
-use super::score::SPAN;
+use super::score::{SPAN, leading};
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
@@ -43,8 +43,9 @@ pub(super) struct Parameters {
     /// Sensors whose blocks are tested, and those whose blocks are in `components`.
     tested: Vec<bool>,
     known: Vec<bool>,
-    /// Rows of the error state that are rotations.
+    /// Rows of the error state that are rotations, and blocks that are.
     rotations: Vec<usize>,
+    turning: Vec<bool>,
     span: Time,
     severity: Option<Severity>,
     /// Components that were found to be wrong.
@@ -56,7 +57,7 @@ saved!(Parameters {
 } each {
     known,
 } except {
-    tested, rotations,
+    tested, rotations, turning,
 });
 
 /// A significant error of a parameter.
@@ -109,7 +110,7 @@ impl Wrong {
                 found.moved(layout),
             ),
             remedy: format!(
-                "measure it, or estimate it: {key} = {{ sigma = \"{}\" }}",
+                "measure it; not tried: to estimate it by {key} = {{ sigma = \"{}\" }}",
                 with_unit((2.0 * size / display.scale).abs()).trim_end(),
             ),
         }
@@ -128,6 +129,7 @@ impl Parameters {
             tested,
             known,
             rotations,
+            turning: layout.blocks.iter().map(turns).collect(),
             span: Time::MIN,
             severity: None,
             found: Vec::new(),
@@ -138,11 +140,22 @@ impl Parameters {
         self.effects.iter_mut()
     }
 
-    /// Score in sigma of the most significant error of a parameter of a sensor.
-    pub(super) fn score(&self, sensor: usize) -> f64 {
-        let scores = self.effects.iter().flat_map(|effect| &effect.scores);
-        let own = self.components.iter().zip(scores).filter(|(c, _)| c.sensor == sensor);
-        own.fold(0.0, |most, (_, score)| most.max(score.sigmas().abs()))
+    /// Returns `true` if the size of an error is within the range of the test.
+    fn linear(&self, index: usize) -> bool {
+        let (effect, sum) = (&self.effects[index / SUMS], index % SUMS);
+        let size = effect.scores[sum].size();
+        let turned = self.rotations.iter().map(|row| (size * effect.s[*row][sum]).abs());
+        let own = if self.turning[self.components[index].block] { size.abs() } else { 0.0 };
+        turned.fold(own, f64::max) < LINEAR
+    }
+
+    /// Score in sigma of the most significant error of the sensors that count, within the range of
+    /// the test.
+    pub(super) fn score(&self, counts: impl Fn(usize) -> bool) -> f64 {
+        let of = |index: usize| self.effects[index / SUMS].scores[index % SUMS].sigmas().abs();
+        let counts = |index: &usize| counts(self.components[*index].sensor) && self.linear(*index);
+        let scores = (0..self.components.len()).filter(counts).map(of);
+        scores.fold(0.0, f64::max)
     }
 
     /// Adds the fixed blocks that a sensor reads.
@@ -200,18 +213,16 @@ impl Parameters {
 
     /// Widens the covariance where it does not contain the errors that were found. Ends a span
     /// where one is due, and returns the most significant error that is more severe than those
-    /// before. `rival` is the score of another error of a sensor.
+    /// before. `rival` is the score that an error of a sensor has to exceed.
     pub(super) fn corrected(
         &mut self,
-        state: &State,
-        layout: &Layout,
+        time: Time,
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
     ) -> Option<Wrong> {
-        let due = state.time.since(self.span) >= SPAN;
-        let worst =
-            due.then(|| self.worst(state, layout, (covariance, considered), rival)).flatten();
+        let due = time.since(self.span) >= SPAN;
+        let worst = due.then(|| self.worst(time, (covariance, considered), rival)).flatten();
         if let Some(worst) = &worst
             && !self.found.contains(&worst.index)
         {
@@ -229,21 +240,19 @@ impl Parameters {
     /// Ends a span, and returns the most significant error.
     fn worst(
         &mut self,
-        state: &State,
-        layout: &Layout,
+        time: Time,
         (covariance, considered): (&Covariance, &[bool]),
         rival: impl Fn(usize) -> f64,
     ) -> Option<Wrong> {
-        self.span = state.time;
+        self.span = time;
         self.effects().for_each(Effect::end_span);
         let tests = self.effects.iter().zip(self.components.chunks(SUMS)).enumerate();
         let found = tests.filter_map(|(k, (effect, components))| {
             let counts = |sum: usize| {
                 let Some(of) = components.get(sum) else { return false };
-                let (size, score) = (effect.scores[sum].size(), effect.scores[sum].sigmas().abs());
-                let turned = self.rotations.iter().map(|row| (size * effect.s[*row][sum]).abs());
-                let own = if turns(&layout.blocks[of.block]) { size.abs() } else { 0.0 };
-                turned.fold(own, f64::max) < LINEAR && score > rival(of.sensor)
+                let score = effect.scores[sum].sigmas().abs();
+                let other = self.score(|sensor| sensor != of.sensor);
+                self.linear(k * SUMS + sum) && score > rival(of.sensor).max(leading(other))
             };
             let found = effect.worst((SIGNIFICANT, counts), covariance, considered)?;
             Some(Wrong { found, index: k * SUMS + found.sum, of: components[found.sum] })

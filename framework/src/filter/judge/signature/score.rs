@@ -6,6 +6,15 @@ use crate::units::time::Time;
 /// Length of the spans of which the scatter is taken, s.
 pub(super) const SPAN: f64 = 10.0;
 
+/// Lead in twice the log-likelihood ratio, the square of a score, with which an explanation is clear:
+/// odds of `exp(10 / 2)`, 150 : 1.
+const CLEAR: f64 = 10.0;
+
+/// Least score that leads another one clearly.
+pub(super) fn leading(rival: f64) -> f64 {
+    (rival * rival + CLEAR).sqrt()
+}
+
 /// Sums `b = sum g' S^-1 y` and `i = sum g' S^-1 g` since one time.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Score {
@@ -92,6 +101,13 @@ mod tests {
         assert_eq!(score.size(), 2.0);
         assert!((score.variance() - 200.0 / 36.0).abs() < 1e-12);
         assert!((score.sigmas() - 12.0 / 200_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// 7.5^2 - 6.8^2 is just above 10.
+    #[test]
+    fn odds_of_150_to_1_are_a_clear_lead() {
+        assert!(leading(6.8) < 7.5 && leading(6.8) > 7.49);
+        assert!((0.5 * (leading(6.8).powi(2) - 6.8 * 6.8)).exp() > 148.0);
     }
 
     #[test]

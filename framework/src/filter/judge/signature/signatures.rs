@@ -5,6 +5,7 @@ use super::contain::Containment;
 use super::effect::Whitened;
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
+use super::score::leading;
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
@@ -205,21 +206,37 @@ impl Signatures {
         let time = state.time;
         let Self { offsets, steps, parameters, containment, .. } = self;
         containment.begin(time);
-        if let Some(steps) = steps
-            && let Some(step) = steps.corrected(time, (covariance, considered), containment)
-        {
-            report(step.finding(time, sensor(steps.sensor), layout));
+        let of = |offset: &Option<Offset>| offset.as_ref().map_or(0.0, Offset::score);
+        let best = |offsets: &[Option<Offset>]| offsets.iter().map(of).fold(0.0, f64::max);
+        if let Some(steps) = steps {
+            let states = (&mut *covariance, considered);
+            let rival = || best(offsets).max(parameters.score(|_| true));
+            if let Some(step) = steps.corrected(time, states, containment, rival) {
+                report(step.finding(time, sensor(steps.sensor), layout));
+            }
         }
-        let states = (&mut *covariance, considered);
-        let rival = || parameters.score(index);
-        if let Some(offset) = &mut offsets[index]
-            && let Some(found) = offset.corrected(state, states, containment, rival)
-        {
-            report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
+        // another error of the sensor has to be less likely, and one of another sensor clearly so
+        let stepped = || steps.as_ref().map_or(0.0, BiasSteps::score);
+        let (before, rest) = offsets.split_at_mut(index);
+        if let Some((Some(offset), after)) = rest.split_first_mut() {
+            let states = (&mut *covariance, considered);
+            let others = || stepped().max(best(before)).max(best(after));
+            let rival = || {
+                let others = others().max(parameters.score(|sensor| sensor != index));
+                parameters.score(|sensor| sensor == index).max(leading(others))
+            };
+            if let Some(found) = offset.corrected(state, states, containment, rival) {
+                report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
+            }
         }
+        let rival = |sensor: usize| {
+            let (before, rest) = offsets.split_at(sensor);
+            let after = rest.get(1..).unwrap_or_default();
+            let others = stepped().max(best(before)).max(best(after));
+            of(&offsets[sensor]).max(leading(others))
+        };
         let states = (covariance, considered);
-        let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
-        if let Some(wrong) = parameters.corrected(state, layout, states, containment, rival) {
+        if let Some(wrong) = parameters.corrected(time, states, containment, rival) {
             report(containment.noted(wrong.finding(state, sensor(wrong.sensor()), layout)));
         }
         std::mem::take(&mut containment.widened)

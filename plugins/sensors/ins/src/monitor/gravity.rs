@@ -142,14 +142,16 @@ fn judge(mean: &Vector3<f64>, up: Option<Vector3<f64>>, gravity: f64) -> Option<
     );
     if angle > std::f64::consts::PI - ANGLE {
         fault(
-            text + ": it points down",
-            "change the sign of the accelerometers: at rest and level, accel_z reads -9.8 m/s^2; \
-             check that the axes are forward, right, down",
+            text + ": it points down, as that of an IMU upside down, turned by 180 deg about its x \
+                    or y axis, or of accelerometers with the other sign",
+            "check how the IMU is mounted: level and at rest, accel_z reads -9.8 m/s^2; \
+             `navfuse diagnose` tries each turn and sign",
         )
     } else {
         fault(
-            text,
-            "check that the axes of the IMU are forward, right, down, and the initial roll and pitch",
+            text + ", as that of an IMU whose axes are turned",
+            "check that the axes of the IMU are forward, right, down, and the initial roll and \
+             pitch; `navfuse diagnose` tries each turn",
         )
     }
 }
