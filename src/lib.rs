@@ -47,6 +47,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_dvl_files::DvlFilesPlugin)
         .add(&navfuse_nmea::NmeaPlugin)
         .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
+        .add(&navfuse_links::LinksPlugin)
         .add(&navfuse_mcap::McapPlugin)
         .add(&navfuse_ros2::Ros2Plugin)
         .add(&navfuse_observability::ObservabilityPlugin);
@@ -103,6 +104,12 @@ use it: they complete keys, and mark misspelt ones and values of a wrong unit.";
 enum Commands {
     /// Run a scenario: print the estimates, write a log and a recording
     Run(commands::run::Run),
+    /// Run a scenario on a vehicle, on the samples that arrive over its links
+    Live(commands::live::Live),
+    /// Print the state of a live run and of its sensors
+    Status(commands::status::Status),
+    /// Send the samples of a log or a scenario as they were recorded, to try a live run at the desk
+    Play(commands::play::Play),
     /// Check a scenario without running it, and print its states and sensors
     Check(commands::check::Check),
     /// List the registered types, or the parameters of one
@@ -198,6 +205,9 @@ pub fn command_with(
 fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
     match command {
         Commands::Run(arguments) => commands::run::run(registry, &arguments),
+        Commands::Live(arguments) => commands::live::live(registry, &arguments),
+        Commands::Status(arguments) => commands::status::status(&arguments),
+        Commands::Play(arguments) => commands::play::play(registry, &arguments),
         Commands::Replay(arguments) => commands::replay::replay(registry, &arguments),
         Commands::Smooth(arguments) => commands::smooth::smooth(registry, &arguments),
         Commands::MonteCarlo(arguments) => commands::monte_carlo::monte_carlo(registry, &arguments),

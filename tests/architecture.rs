@@ -87,10 +87,11 @@ fn no_crate_uses_another_but_as_the_design_says() {
 }
 
 /// The folders of plugins, each with the folders of plugins that it uses.
-const FOLDERS: [(&str, &[&str]); 5] = [
+const FOLDERS: [(&str, &[&str]); 6] = [
     ("sensors", &["sensors"]),
     ("formats", &["instruments"]),
     ("instruments", &[]),
+    ("links", &["formats", "instruments"]),
     ("simulation", &["sensors"]),
     ("viewer", &[]),
 ];

@@ -4,3 +4,4 @@ pub mod campaign;
 pub mod history;
 pub mod input;
 pub mod run;
+pub mod service;

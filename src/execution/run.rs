@@ -141,7 +141,7 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBu
     (!options.no_output).then(|| options.out.clone().unwrap_or_else(default))
 }
 
-fn print(finished: &Finished, text: bool) -> Result<()> {
+pub fn print(finished: &Finished, text: bool) -> Result<()> {
     if text {
         if !Detail::is_quiet() {
             output::run::summary(&finished.summary);

@@ -2,6 +2,7 @@
 
 mod context;
 mod error;
+mod link;
 mod need;
 mod owned;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
@@ -12,6 +13,7 @@ mod simulation_keys;
 
 pub use context::OpenContext;
 pub use error::{PluginConflict, PluginError};
+pub use link::LinkType;
 pub use need::Need;
 pub use plugin::Plugin;
 pub use registry::*;

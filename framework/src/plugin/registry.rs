@@ -9,7 +9,7 @@ use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
 use crate::model::sensor::limits::Limit;
 use crate::model::sensor::rule::{RuleType, UpdateRule};
-use crate::model::stream::{Sink, Source, StreamError};
+use crate::model::stream::{Feed, Sink, Source, StreamError};
 use crate::units::sample::Channel;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
@@ -202,13 +202,15 @@ pub enum Kind {
     Sensor,
     /// `[source.NAME]`
     Source,
+    /// `[link.NAME]`
+    Link,
     /// `[sink.NAME]`
     Sink,
 }
 
 impl Kind {
     /// All kinds, in the order of a scenario.
-    pub const ALL: [Self; 4] = [Self::Process, Self::Sensor, Self::Source, Self::Sink];
+    pub const ALL: [Self; 5] = [Self::Process, Self::Sensor, Self::Source, Self::Link, Self::Sink];
 
     /// Table of the kind in TOML.
     pub const fn table(self) -> &'static str {
@@ -216,6 +218,7 @@ impl Kind {
             Self::Process => "process",
             Self::Sensor => "sensor",
             Self::Source => "source",
+            Self::Link => "link",
             Self::Sink => "sink",
         }
     }
@@ -238,9 +241,9 @@ pub enum BuildError {
 
 type ForComposer<T> =
     Box<dyn for<'a, 'b> Fn(&Node<'a>, &'b mut Composer) -> Result<T, BuildError> + Send + Sync>;
-/// Reads the table of a source or sink, without opening anything.
-type Prepare<T> = Box<dyn for<'a> Fn(&Node<'a>) -> Result<T, BuildError> + Send + Sync>;
-/// Opens a source or sink whose table is read.
+/// Reads the table of a source, link or sink, without opening anything.
+pub(super) type Prepare<T> = Box<dyn for<'a> Fn(&Node<'a>) -> Result<T, BuildError> + Send + Sync>;
+/// Opens a source, link or sink whose table is read.
 pub(crate) type Open<T> =
     Box<dyn for<'a, 'b> FnOnce(&'a OpenContext<'b>) -> Result<T, StreamError>>;
 
@@ -260,6 +263,7 @@ pub(crate) enum Make {
     Process(ForComposer<BuiltProcess>),
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
     Source { prepare: Prepare<Open<Vec<Box<dyn Source>>>>, simulates: bool },
+    Link { prepare: Prepare<Open<Box<dyn Feed>>> },
     Sink { prepare: Prepare<PreparedSink>, default: bool },
 }
 
@@ -462,7 +466,7 @@ impl Registry {
         self.estimators.iter()
     }
 
-    fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
+    pub(super) fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
         let schema = || SchemaGenerator::default().into_root_schema_for::<T>();
         self.insert_with(kind, name.into(), make, schema);
     }

@@ -5,6 +5,7 @@ use crate::run::delayed::delayed;
 use crate::run::merge::Merge;
 use crate::run::scenario::Assembly;
 use crate::session::{End, Finished, RunError, Session};
+use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -40,6 +41,26 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     finished.summary.wall_s = clock.elapsed().as_secs_f64();
     progress(Progress { now: finished.time, end: Some(finished.time) });
     finished
+}
+
+/// Passes the samples of all sources of an assembly to a function, in the order in which a run takes
+/// them, until it returns `false`.
+///
+/// # Errors
+/// When a source fails.
+pub fn pass_samples(
+    assembly: Assembly,
+    mut take: impl FnMut(&Sample) -> bool,
+) -> Result<(), RunError> {
+    let Assembly { composition, sources, .. } = assembly;
+    let sources = delayed(converted(sources, &composition), &composition);
+    let mut merge = Merge::new(sources, &composition.sensors);
+    while let Some(sample) = merge.next(true)? {
+        if !take(&sample) {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Pushes the samples of all sources into the session.

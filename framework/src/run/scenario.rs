@@ -4,7 +4,7 @@ use crate::compose::Composition;
 use crate::compose::estimator::Creator;
 use crate::document::{Document, DocumentError, key};
 use crate::filter::Ekf;
-use crate::model::stream::{NamedSink, NamedSource};
+use crate::model::stream::{NamedFeed, NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
 pub use crate::run::parts::common_keys;
@@ -24,9 +24,29 @@ pub struct Assembly {
     pub sinks: Vec<NamedSink>,
 }
 
+/// A scenario ready to run on a vehicle.
+pub struct LiveAssembly {
+    /// The filter's parts.
+    pub composition: Composition,
+    /// The links through which samples arrive, each with its name.
+    pub feeds: Vec<NamedFeed>,
+    /// The sinks of results, each with its name.
+    pub sinks: Vec<NamedSink>,
+}
+
 /// Keys at the top of a scenario.
-pub const TOP_KEYS: [&str; 9] =
-    ["include", "name", "description", "seed", "estimator", "process", "sensor", "source", "sink"];
+pub const TOP_KEYS: [&str; 10] = [
+    "include",
+    "name",
+    "description",
+    "seed",
+    "estimator",
+    "process",
+    "sensor",
+    "source",
+    "link",
+    "sink",
+];
 
 /// Reads and composes scenarios.
 pub struct Scenario<'a> {
@@ -156,6 +176,11 @@ impl<'a> Scenario<'a> {
                 drop(prepare(&part.own_keys())?);
             }
         }
+        for part in self.parts(Kind::Link)? {
+            if let Make::Link { prepare } = &part.entry.make {
+                drop(prepare(&part.own_keys())?);
+            }
+        }
         let empty = Document::parse("default", "")?;
         sinks::prepare(&self.parts(Kind::Sink)?, &self.default_sinks()?, &empty).map(drop)
     }
@@ -165,27 +190,63 @@ impl<'a> Scenario<'a> {
         composition: Composition,
         output: Option<&Path>,
     ) -> Result<Assembly, BuildError> {
-        let sources = self.source_parts()?;
-        let context = OpenContext {
-            composition: &composition,
+        let sources = self.needed_parts(Kind::Source, "source of samples")?;
+        let context = self.context(&composition, sources.len(), output)?;
+        let sources = open_sources(&sources, &context)?;
+        let sinks = self.open_sinks(&context, output)?;
+        Ok(Assembly { composition, sources, sinks })
+    }
+
+    /// Composes the scenario and opens its links and sinks, for a run on the vehicle; the sources
+    /// of the scenario stay closed.
+    ///
+    /// # Errors
+    /// As [`Self::assemble`], and when a link cannot be opened.
+    pub fn assemble_live(&self, output: Option<&Path>) -> Result<LiveAssembly, BuildError> {
+        let links = self.needed_parts(Kind::Link, "link to the sensors")?;
+        let mut composition = self.compose()?;
+        composition.simulated = false;
+        let context = self.context(&composition, links.len(), output)?;
+        let mut feeds = Vec::new();
+        for part in &links {
+            let Make::Link { prepare } = &part.entry.make else { continue };
+            let node = part.own_keys();
+            let feed = prepare(&node)?(&context).map_err(|e| node.error(e))?;
+            feeds.push((part.name.to_owned(), feed));
+        }
+        let sinks = self.open_sinks(&context, output)?;
+        Ok(LiveAssembly { composition, feeds, sinks })
+    }
+
+    fn context<'c>(
+        &self,
+        composition: &'c Composition,
+        sources: usize,
+        output: Option<&Path>,
+    ) -> Result<OpenContext<'c>, DocumentError> {
+        Ok(OpenContext {
+            composition,
             base: self.document.folder().to_path_buf(),
             output: output.map_or_else(PathBuf::new, Into::into),
             disabled_sensors: parts::disabled(&self.document.root(), Kind::Sensor)?,
-            sources: sources.len(),
+            sources,
             shared: self.shared.clone(),
-        };
-        let sources = open_sources(&sources, &context)?;
-        let sinks = match output {
-            Some(_) => {
-                let empty = Document::parse("default", "")?;
-                let prepared =
-                    sinks::prepare(&self.parts(Kind::Sink)?, &self.default_sinks()?, &empty)?;
-                sinks::check_files(&prepared, &context)?;
-                sinks::open(prepared, &context)?
-            }
-            None => Vec::new(),
-        };
-        Ok(Assembly { composition, sources, sinks })
+        })
+    }
+
+    /// Opens the sinks, which need an output folder.
+    fn open_sinks(
+        &self,
+        context: &OpenContext<'_>,
+        output: Option<&Path>,
+    ) -> Result<Vec<NamedSink>, BuildError> {
+        if output.is_none() {
+            return Ok(Vec::new());
+        }
+        let empty = Document::parse("default", "")?;
+        let prepared = sinks::prepare(&self.parts(Kind::Sink)?, &self.default_sinks()?, &empty)?;
+        sinks::check_files(&prepared, context)?;
+        sinks::open(prepared, context)
     }
 
     /// The scenario as a log holds it. The samples in a log are converted, so that its scenario does
@@ -200,13 +261,14 @@ impl<'a> Scenario<'a> {
         document.to_toml()
     }
 
-    /// The tables of the sources, of which there has to be one at least.
-    fn source_parts(&self) -> Result<Vec<Part<'_>>, DocumentError> {
-        let parts = self.parts(Kind::Source)?;
+    /// The tables of a kind, of which there has to be one at least.
+    fn needed_parts(&self, kind: Kind, what: &str) -> Result<Vec<Part<'_>>, DocumentError> {
+        let (parts, table) = (self.parts(kind)?, kind.table());
         if parts.is_empty() {
-            let entries = self.registry.entries().filter(|e| e.kind == Kind::Source);
-            let names = entries.map(|e| &*e.name).collect::<Vec<_>>().join("], [source.");
-            let message = format!("no source of samples: add one of [source.{names}]");
+            let entries = self.registry.entries().filter(|e| e.kind == kind);
+            let names: Vec<&str> = entries.map(|e| &*e.name).collect();
+            let names = names.join(&format!("], [{table}."));
+            let message = format!("no {what}: add one of [{table}.{names}]");
             return Err(self.document.root().error(message));
         }
         Ok(parts)

@@ -16,7 +16,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
                 .processes()
                 .iter()
                 .any(|p| lab.composition.processes[p.index].kind == *entry.name),
-            Kind::Source | Kind::Sink => {
+            Kind::Source | Kind::Link | Kind::Sink => {
                 lab.streams(entry.kind).iter().any(|s| s.kind == *entry.name)
             }
         };

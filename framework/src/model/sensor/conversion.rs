@@ -134,7 +134,7 @@ fn turned(axes: [Axis; 3], channels: &[Channel]) -> Result<Vec<(usize, usize, f6
 
 impl Converter {
     /// Converts a sample of the sensor.
-    pub(crate) fn apply(&self, sample: &mut Sample) {
+    pub fn apply(&self, sample: &mut Sample) {
         let read = *sample;
         for (to, from, factor) in &self.channels {
             match read.get(*from) {

@@ -10,6 +10,7 @@ use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use navfuse_frames::{Clock, Count, TimeConfig, open, recognise};
 use std::collections::VecDeque;
+use std::io::Read;
 use std::path::PathBuf;
 
 impl SourceType for DvlFile {
@@ -22,27 +23,35 @@ impl SourceType for DvlFile {
             Some(format) => format,
             None => recognise(&path, &Format::ALL.map(Format::name), Format::recognise)?,
         };
-        let file = open(&path)?;
-        let mut stream = Stream {
-            format,
-            decoder: format.decoder(file),
-            clock: Clock::new(self.time.zero()?),
-            config: self.time,
-            attitude: self.attitude,
-            screen: self.screen,
-            targets,
-            ready: VecDeque::with_capacity(4),
-            pings: 0,
-            started: false,
-            ended: false,
-            screened: Count::default(),
-            refused: None,
-            path,
-        };
+        let mut stream = Stream::new(self, targets, format, path.clone(), open(&path)?)?;
         if !stream.targets.is_empty() {
             stream.start()?;
         }
         Ok(vec![Box::new(stream)])
+    }
+}
+
+impl DvlFile {
+    /// The samples of an instrument that is connected: `reader` has its bytes as they arrive, and
+    /// `file` is the name of its port in messages. An error of `reader` with the kind
+    /// `WouldBlock` means that no byte has arrived yet; the next call goes on.
+    ///
+    /// # Errors
+    /// When a sensor does not exist or does not fit, or the format is not given.
+    pub fn connected(
+        self,
+        reader: impl Read + Send + 'static,
+        context: &OpenContext<'_>,
+    ) -> Result<Box<dyn Source>, StreamError> {
+        let format = self.format.ok_or_else(|| {
+            let names = Format::ALL.map(Format::name).join(", ");
+            StreamError::scenario("the format is not given")
+                .at_key("format")
+                .with_remedy(format!("name one of {names}"))
+        })?;
+        let (targets, path) = (targets(&self, context)?, self.file.clone());
+        let stream = Stream::new(self, targets, format, path, reader)?;
+        Ok(Box::new(Stream { started: true, ..stream }))
     }
 }
 
@@ -68,6 +77,31 @@ struct Stream {
 }
 
 impl Stream {
+    fn new(
+        config: DvlFile,
+        targets: Vec<Target>,
+        format: Format,
+        path: PathBuf,
+        reader: impl Read + Send + 'static,
+    ) -> Result<Self, StreamError> {
+        Ok(Self {
+            targets,
+            format,
+            decoder: format.decoder(reader),
+            clock: Clock::new(config.time.zero()?),
+            config: config.time,
+            attitude: config.attitude,
+            screen: config.screen,
+            ready: VecDeque::with_capacity(4),
+            pings: 0,
+            started: false,
+            ended: false,
+            screened: Count::default(),
+            refused: None,
+            path,
+        })
+    }
+
     /// Reads up to the first sample, so that a file that does not fit is rejected at once.
     fn start(&mut self) -> Result<(), StreamError> {
         while self.ready.is_empty() && self.advance()? {}

@@ -18,9 +18,12 @@
 
 mod beacon;
 mod config;
+mod connected;
 mod epoch;
+mod receiver;
 mod sentence;
 mod source;
+mod target;
 mod vessel;
 
 pub use beacon::Beacon;

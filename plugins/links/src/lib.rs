@@ -1,0 +1,39 @@
+//! Links: samples that arrive over UDP, TCP and standard input while a vehicle moves, and estimates
+//! that leave over UDP.
+//!
+//! A link reads one stream of bytes for all sensors that it feeds, on a thread of its own. Its
+//! format is that of NMEA 0183, that of a Doppler velocity log, or [sentences](Sentence) of
+//! samples. A port that is lost is opened again.
+
+mod config;
+mod feed;
+mod instrument;
+mod nmea;
+mod port;
+mod ports;
+mod samples;
+mod sentence;
+mod sink;
+
+pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
+pub use instrument::{write_fix, write_water_linked};
+pub use ports::{StandardInput, Tcp, Udp};
+pub use sentence::{Sentence, write_sentence};
+pub use sink::{EstimateFormat, UdpSink};
+
+use navfuse_core::plugin::{Plugin, Registry};
+
+/// Registers the link types `udp`, `tcp` and `stdin`, and the sink type `udp`.
+#[derive(Clone, Copy, Debug)]
+pub struct LinksPlugin;
+
+impl Plugin for LinksPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.link::<Udp>();
+        registry.link::<Tcp>();
+        registry.link::<StandardInput>();
+        registry.sink::<UdpSink>();
+    }
+
+    navfuse_core::named_after_crate!();
+}

@@ -1,0 +1,129 @@
+//! A port that is opened again after it was lost, with a back-off.
+
+use navfuse_core::model::record::Level;
+use std::io::{Error, ErrorKind, Read, Result};
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+/// Time for which a port waits for bytes, so that its thread notices the end of the run, and an
+/// epoch of NMEA its pause.
+pub const PATIENCE: Duration = Duration::from_millis(50);
+/// Pauses between two attempts to open a port: the first one, and the longest.
+const PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5)];
+
+/// Opens a port. Its reads wait for at most [`PATIENCE`].
+pub type Open = Box<dyn FnMut() -> Result<Box<dyn Read + Send>> + Send>;
+
+/// A remark for the log.
+pub type Remark = (Level, String);
+
+/// A reader that never ends: without bytes it fails with `WouldBlock`.
+pub struct Port {
+    name: String,
+    open: Open,
+    port: Option<Box<dyn Read + Send>>,
+    pause: Duration,
+    /// The next attempt to open the port.
+    next: Instant,
+    remarks: Sender<Remark>,
+}
+
+impl Port {
+    /// A port that the first read opens.
+    pub fn new(name: String, open: Open, remarks: Sender<Remark>) -> Self {
+        Self { name, open, port: None, pause: PAUSES[0], next: Instant::now(), remarks }
+    }
+
+    fn remark(&self, level: Level, text: &str) {
+        // the feed that logs it ends with this port
+        self.remarks.send((level, format!("{}: {text}", self.name))).ok();
+    }
+
+    /// Opens the port where an attempt is due; waits for a moment otherwise.
+    fn connect(&mut self) -> Result<()> {
+        let wait = self.next.saturating_duration_since(Instant::now());
+        if !wait.is_zero() {
+            std::thread::sleep(wait.min(PATIENCE));
+            return Ok(());
+        }
+        match (self.open)() {
+            Ok(port) => {
+                self.remark(Level::Info, "open");
+                self.port = Some(port);
+            }
+            Err(error) => {
+                if self.pause == PAUSES[0] {
+                    self.remark(Level::Warning, &format!("not open: {error}; trying again"));
+                }
+                self.back_off();
+            }
+        }
+        Ok(())
+    }
+
+    fn back_off(&mut self) {
+        self.next = Instant::now() + self.pause;
+        self.pause = (2 * self.pause).min(PAUSES[1]);
+    }
+
+    fn lose(&mut self, why: &str) {
+        self.port = None;
+        self.remark(Level::Warning, &format!("lost: {why}; opening it again"));
+        self.back_off();
+    }
+}
+
+impl Read for Port {
+    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+        if self.port.is_none() {
+            self.connect()?;
+        }
+        let nothing = Err(Error::from(ErrorKind::WouldBlock));
+        let Some(port) = &mut self.port else { return nothing };
+        match port.read(out) {
+            Ok(0) => self.lose("the other side closed it"),
+            Ok(count) => {
+                self.pause = PAUSES[0];
+                return Ok(count);
+            }
+            Err(e) => match e.kind() {
+                ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted => {}
+                _ => self.lose(&e.to_string()),
+            },
+        }
+        nothing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    #[test]
+    fn a_port_that_is_lost_is_opened_again_and_the_attempts_become_rarer() {
+        let (to, remarks) = channel();
+        let mut attempts = 0;
+        let open: Open = Box::new(move || {
+            attempts += 1;
+            match attempts {
+                1 => Ok(Box::new(&b"first"[..])),
+                2 | 3 => Err(Error::from(ErrorKind::ConnectionRefused)),
+                _ => Ok(Box::new(&b"again"[..])),
+            }
+        });
+        let mut port = Port::new("tcp".to_owned(), open, to);
+        let (mut read, mut out) = (Vec::new(), [0; 16]);
+        while read.len() < 10 {
+            match port.read(&mut out) {
+                Ok(count) => read.extend_from_slice(&out[..count]),
+                Err(e) => assert_eq!(e.kind(), ErrorKind::WouldBlock),
+            }
+        }
+        assert_eq!(read, b"firstagain");
+        let texts: Vec<String> = remarks.try_iter().map(|(_, text)| text).collect();
+        assert_eq!(texts.len(), 3, "open, lost, open again: {texts:?}");
+        assert!(texts[1].starts_with("tcp: lost: the other side closed it"), "{texts:?}");
+    }
+}

@@ -1,0 +1,152 @@
+//! The types of links.
+
+use crate::config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
+use crate::feed::PortFeed;
+use crate::port::{Open, PATIENCE, Port};
+use navfuse_core::model::stream::{Feed, StreamError};
+use navfuse_core::plugin::{LinkType, OpenContext};
+use navfuse_frames::TimeConfig;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::io::{self, Read};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+/// Longest time for which a server may take to answer.
+const CONNECT: Duration = Duration::from_secs(1);
+
+/// Receives datagrams of UDP at an address. Without `nmea` or `dvl` they hold sentences of samples.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Udp {
+    /// Address at which it listens, such as `127.0.0.1:5005`; `0.0.0.0:5005` takes datagrams of
+    /// every computer that reaches this one.
+    pub address: String,
+    /// The bytes are sentences of NMEA 0183.
+    pub nmea: Option<NmeaFormat>,
+    /// The bytes are messages of a Doppler velocity log.
+    pub dvl: Option<DvlFormat>,
+    /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
+    #[serde(default)]
+    pub time: TimeOfSample,
+    /// The clock of the stamps.
+    #[serde(default)]
+    pub clock: TimeConfig,
+}
+
+/// Connects to a server by TCP, and again whenever the connection is lost. Without `nmea` or `dvl`
+/// the server sends sentences of samples.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tcp {
+    /// Address of the server, such as `192.168.194.95:16171`, a Water Linked A50 as delivered.
+    pub address: String,
+    /// The bytes are sentences of NMEA 0183.
+    pub nmea: Option<NmeaFormat>,
+    /// The bytes are messages of a Doppler velocity log.
+    pub dvl: Option<DvlFormat>,
+    /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
+    #[serde(default)]
+    pub time: TimeOfSample,
+    /// The clock of the stamps.
+    #[serde(default)]
+    pub clock: TimeConfig,
+}
+
+/// Reads standard input to its end. Without `nmea` or `dvl` it holds sentences of samples.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StandardInput {
+    /// The bytes are sentences of NMEA 0183.
+    pub nmea: Option<NmeaFormat>,
+    /// The bytes are messages of a Doppler velocity log.
+    pub dvl: Option<DvlFormat>,
+    /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
+    #[serde(default)]
+    pub time: TimeOfSample,
+    /// The clock of the stamps.
+    #[serde(default)]
+    pub clock: TimeConfig,
+}
+
+impl LinkType for Udp {
+    const TYPE: &'static str = "udp";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
+        let Self { address, nmea, dvl, time, clock } = self;
+        let place = resolve(&address)?;
+        let open = move || {
+            let socket = UdpSocket::bind(place)?;
+            socket.set_read_timeout(Some(PATIENCE))?;
+            Ok(Box::new(Datagrams(socket)) as Box<dyn Read + Send>)
+        };
+        let name = format!("udp {address}");
+        lasting(name, Box::new(open), Format { nmea, dvl, time, clock }, (false, context))
+    }
+}
+
+impl LinkType for Tcp {
+    const TYPE: &'static str = "tcp";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
+        let Self { address, nmea, dvl, time, clock } = self;
+        let place = resolve(&address)?;
+        let open = move || {
+            let stream = TcpStream::connect_timeout(&place, CONNECT)?;
+            stream.set_read_timeout(Some(PATIENCE))?;
+            stream.set_nodelay(true)?;
+            Ok(Box::new(stream) as Box<dyn Read + Send>)
+        };
+        let name = format!("tcp {address}");
+        lasting(name, Box::new(open), Format { nmea, dvl, time, clock }, (true, context))
+    }
+}
+
+impl LinkType for StandardInput {
+    const TYPE: &'static str = "stdin";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
+        let Self { nmea, dvl, time, clock } = self;
+        let format = Format { nmea, dvl, time, clock };
+        let samples = format.samples("standard input", io::stdin(), context)?;
+        let (_, remarks) = channel();
+        Ok(Box::new(PortFeed { samples, remarks, waits: true }))
+    }
+}
+
+/// The feed of a port that is opened again whenever it is lost.
+fn lasting(
+    name: String,
+    open: Open,
+    format: Format,
+    (waits, context): (bool, &OpenContext<'_>),
+) -> Result<Box<dyn Feed>, StreamError> {
+    let (to, remarks) = channel();
+    let port = Port::new(name.clone(), open, to);
+    let samples = format.samples(&name, port, context)?;
+    Ok(Box::new(PortFeed { samples, remarks, waits }))
+}
+
+pub fn resolve(address: &str) -> Result<SocketAddr, StreamError> {
+    let wrong = |text: String| {
+        StreamError::network(text)
+            .at_key("address")
+            .with_remedy("give a host and a port, such as 127.0.0.1:5005")
+    };
+    let found = address.to_socket_addrs();
+    let mut found = found.map_err(|e| wrong(format!("{address:?} is no address: {e}")))?;
+    found.next().ok_or_else(|| wrong(format!("{address:?} is the address of no host")))
+}
+
+/// The datagrams of a socket as one stream. An empty one is no end.
+struct Datagrams(UdpSocket);
+
+impl Read for Datagrams {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        match self.0.recv(out) {
+            Ok(0) => Err(io::ErrorKind::WouldBlock.into()),
+            received => received,
+        }
+    }
+}

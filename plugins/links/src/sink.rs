@@ -1,0 +1,218 @@
+//! The newest estimate in datagrams, as JSON or NMEA 0183.
+
+use crate::nmea::{place, seal, time_of_day};
+use crate::ports::resolve;
+use navfuse_core::model::record::{Epoch, Record, Wants};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::state::Vehicle;
+use navfuse_core::units::Date;
+use navfuse_core::units::calendar::Calendar;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+use std::io::ErrorKind;
+use std::net::UdpSocket;
+
+/// Quality of a position in GGA: estimated, by dead reckoning.
+const ESTIMATED: u8 = 6;
+
+/// Sends the newest estimate in datagrams of UDP at the output rate: position, velocity, attitude, and
+/// their 1-sigma.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UdpSink {
+    /// Address of the receiver, such as `127.0.0.1:5006`.
+    pub address: String,
+    /// `json`, an object in each datagram, or `nmea`, the sentences GGA, GST, VTG and HDT. Default:
+    /// `json`.
+    #[serde(default)]
+    pub format: EstimateFormat,
+    /// Date and time at which the run's clock is zero. Default: 1970-01-01T00:00:00, so that the
+    /// times of the run are Unix times.
+    pub origin: Option<Date>,
+}
+
+/// The format of an estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EstimateFormat {
+    /// One object of JSON.
+    #[default]
+    Json,
+    /// Sentences of NMEA 0183.
+    Nmea,
+}
+
+impl SinkType for UdpSink {
+    const TYPE: &'static str = "udp";
+    const DEFAULT: bool = false;
+
+    fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let failed = |e: std::io::Error| {
+            StreamError::network(format!("{:?}: {e}", self.address))
+                .at_key("address")
+                .with_remedy("give a host and a port, such as 127.0.0.1:5006")
+        };
+        let place = resolve(&self.address)?;
+        let own = if place.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+        let socket = UdpSocket::bind(own).map_err(failed)?;
+        socket.connect(place).map_err(failed)?;
+        // a full buffer of the network loses a datagram, and does not make the filter wait
+        socket.set_nonblocking(true).map_err(failed)?;
+        let origin = self.origin.map_or(0, |date| date.nanos);
+        let (format, address) = (self.format, self.address);
+        let vehicle = Vehicle::default();
+        Ok(Box::new(Estimates { socket, address, format, origin, vehicle, text: String::new() }))
+    }
+}
+
+/// Sends each estimate.
+struct Estimates {
+    socket: UdpSocket,
+    address: String,
+    format: EstimateFormat,
+    /// Nanoseconds since 1970 of the run's zero.
+    origin: i64,
+    vehicle: Vehicle,
+    text: String,
+}
+
+impl Sink for Estimates {
+    fn wants(&self) -> Wants {
+        Wants::NEWEST
+    }
+
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.vehicle = run.layout.vehicle();
+        Ok(())
+    }
+
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Newest(epoch) = record else { return Ok(()) };
+        let motion = Motion::of(&self.vehicle, epoch);
+        self.text.clear();
+        match self.format {
+            EstimateFormat::Json => motion.json(&mut self.text, epoch.state.time.seconds()),
+            EstimateFormat::Nmea => {
+                motion.nmea(&mut self.text, self.origin + epoch.state.time.nanos());
+            }
+        }
+        match self.socket.send(self.text.as_bytes()) {
+            // nobody listens yet, or the network is gone for a while
+            Err(e) if e.kind() == ErrorKind::InvalidInput => {
+                Err(StreamError::network(format!("{}: {e}", self.address)))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(Some(format!("udp://{}", self.address)))
+    }
+}
+
+/// A vector of the motion and its 1-sigma along each axis.
+type Known = ([f64; 3], [f64; 3]);
+
+/// The motion of the vehicle as far as it is estimated.
+struct Motion {
+    /// Latitude and longitude, deg, and height, m; 1-sigma north, east, down, m.
+    position: Option<Known>,
+    /// North, east, down, m/s.
+    velocity: Option<Known>,
+    /// Roll, pitch, heading, deg; 1-sigma about north, east, down, deg.
+    attitude: Option<Known>,
+}
+
+impl Motion {
+    fn of(vehicle: &Vehicle, epoch: &Epoch<'_>) -> Self {
+        let state = epoch.state;
+        let sigma = |slot: usize| {
+            let tangent = epoch.layout.blocks[slot].tangent;
+            let variance = |k| tangent.map_or(0.0, |t: usize| epoch.covariance.get(t + k, t + k));
+            [0, 1, 2].map(|k| variance(k).max(0.0).sqrt())
+        };
+        Self {
+            position: vehicle.position.map(|handle| {
+                let p = state.get(epoch.layout, handle);
+                let place = [p.latitude.to_degrees(), p.longitude.to_degrees(), p.height];
+                (place, sigma(handle.slot()))
+            }),
+            velocity: vehicle
+                .velocity
+                .map(|handle| (state.get(epoch.layout, handle).into(), sigma(handle.slot()))),
+            attitude: vehicle.attitude.map(|handle| {
+                let (roll, pitch, yaw) = state.get(epoch.layout, handle).euler_angles();
+                let angles = [roll, pitch, yaw.rem_euclid(std::f64::consts::TAU)];
+                (angles.map(f64::to_degrees), sigma(handle.slot()).map(f64::to_degrees))
+            }),
+        }
+    }
+
+    /// Appends an object; what is not estimated is left out.
+    fn json(&self, out: &mut String, time: f64) {
+        let mut object = Map::new();
+        object.insert("time_s".to_owned(), json!(time));
+        let mut add = |names: [&str; 2], known: Option<Known>| {
+            if let Some((value, sigma)) = known {
+                object.insert(names[0].to_owned(), json!(value));
+                object.insert(names[1].to_owned(), json!(sigma));
+            }
+        };
+        add(["position_deg_deg_m", "position_sigma_ned_m"], self.position);
+        add(["velocity_ned_mps", "velocity_sigma_ned_mps"], self.velocity);
+        add(["roll_pitch_heading_deg", "attitude_sigma_ned_deg"], self.attitude);
+        // writing to a text cannot fail
+        let _ = writeln!(out, "{}", Value::Object(object));
+    }
+
+    /// Appends the sentences of a time in nanoseconds since 1970.
+    fn nmea(&self, out: &mut String, unix: i64) {
+        let time = time_of_day(&Calendar::of_unix_nanos(unix));
+        if let Some(([latitude, longitude, height], [north, east, down])) = self.position {
+            let place = place(latitude, longitude);
+            seal(out, format_args!("INGGA,{time},{place},{ESTIMATED},,,{height:.3},M,0.0,M,,"));
+            seal(out, format_args!("INGST,{time},,,,,{north:.3},{east:.3},{down:.3}"));
+        }
+        if let Some(([north, east, _], _)) = self.velocity {
+            let (course, speed) =
+                (east.atan2(north).to_degrees().rem_euclid(360.0), north.hypot(east));
+            let (knots, kmh) = (speed * 3600.0 / 1852.0, speed * 3.6);
+            seal(out, format_args!("INVTG,{course:.3},T,,M,{knots:.4},N,{kmh:.4},K,E"));
+        }
+        if let Some(([_, _, heading], _)) = self.attitude {
+            seal(out, format_args!("INHDT,{heading:.3},T"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_frames::{Frames, Sentences};
+    use navfuse_nmea::parse;
+
+    #[test]
+    fn the_sentences_are_read_back_by_the_reader_of_nmea() {
+        let motion = Motion {
+            position: Some(([-43.5, 5.999_999_999_99, -12.25], [0.5, 0.25, 1.0])),
+            velocity: Some(([3.0, -4.0, 0.0], [0.1; 3])),
+            attitude: Some(([1.0, 2.0, 359.5], [0.1; 3])),
+        };
+        let mut text = String::new();
+        motion.nmea(&mut text, 1_790_000_000_500_000_000);
+        let mut frames = Frames::new(text.as_bytes(), Sentences::NMEA);
+        let mut parsed = Vec::new();
+        while let Ok(Some(frame)) = frames.next() {
+            parsed.extend(parse(Sentences::NMEA.content(frame.bytes)));
+        }
+        assert_eq!((parsed.len(), frames.damage().bytes()), (4, 0), "{text}");
+        let text = format!("{parsed:?}");
+        for value in [-43.5_f64, 6.0, 359.5] {
+            assert!(text.contains(&format!("{:.6}", value.to_radians())[..8]), "{value}: {text}");
+        }
+        assert!(text.contains("-12.25"), "{text}");
+    }
+}

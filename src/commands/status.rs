@@ -1,0 +1,87 @@
+//! `navfuse status`.
+
+use crate::error::{CommandError, Result};
+use crate::output::{Format, line, table};
+use clap::Args;
+use navfuse_live::{STATUS, SensorState, Status as State};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, SystemTime};
+
+/// Age of the state of a run beyond which the run has stopped: it is written every second.
+const STOPPED: Duration = Duration::from_secs(5);
+
+/// Arguments of `status`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse status runs/vehicle
+  navfuse status runs/vehicle --format json | jq .sensors")]
+pub struct Status {
+    /// The folder of the run
+    pub folder: PathBuf,
+    /// Form of the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+}
+
+/// Prints the state of a live run. The exit code is 1 if the run has stopped.
+pub fn status(arguments: &Status) -> Result<ExitCode> {
+    let path = arguments.folder.join(STATUS);
+    let remedy = "; name the folder of a run of `navfuse live`";
+    let read = std::fs::read_to_string(&path);
+    let text = read.map_err(CommandError::file(&path, "cannot be read", remedy))?;
+    let state: State = serde_json::from_str(&text)?;
+    let changed = std::fs::metadata(&path).and_then(|m| m.modified()).ok();
+    let age = changed.and_then(|at| SystemTime::now().duration_since(at).ok()).unwrap_or_default();
+    if arguments.format == Format::Text {
+        print(&state, age);
+    } else {
+        line(text.trim_end());
+    }
+    Ok(if age > STOPPED { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+fn print(state: &State, age: Duration) {
+    let time =
+        state.time_s.map_or("no estimate yet".to_owned(), |t| format!("estimate at {t:.3} s"));
+    let now = match age > STOPPED {
+        true => format!("stopped, {:.0} s ago", age.as_secs_f64()),
+        false => "running".to_owned(),
+    };
+    line(format_args!("{}: {now}; {time}; {}", state.name, state.text));
+    let mut rows =
+        table(&["sensor", "state", "Hz", "age, s", "used", "gated", "rejected", "wrong stamps"]);
+    for sensor in &state.sensors {
+        let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1}"));
+        rows.add_row([
+            sensor.name.clone(),
+            words(sensor.state).to_owned(),
+            number(sensor.rate_hz),
+            number(sensor.age_s),
+            sensor.used.to_string(),
+            sensor.gated.to_string(),
+            sensor.rejected.to_string(),
+            sensor.refused.to_string(),
+        ]);
+    }
+    line(format_args!("{rows}"));
+    for link in state.links.iter().filter(|link| link.dropped > 0 || link.ended) {
+        let ended = if link.ended { ", ended" } else { "" };
+        line(format_args!(
+            "link {}: {} samples, {} dropped{ended}",
+            link.name, link.samples, link.dropped
+        ));
+    }
+}
+
+fn words(state: SensorState) -> &'static str {
+    match state {
+        SensorState::Waiting => "waiting",
+        SensorState::Used => "used",
+        SensorState::Gated => "gated",
+        SensorState::Rejected => "rejected",
+        SensorState::Silent => "silent",
+        SensorState::Contradicting => "contradicting",
+    }
+}
