@@ -34,7 +34,7 @@ macro_rules! formats {
 formats!(pings, dvl::Format: pd0 Pd0, pd4 Pd4, pd6 Pd6, ad2cp Ad2cp, nortek_nmea NortekNmea,
     water_linked_json WaterLinkedJson, water_linked_serial WaterLinkedSerial);
 formats!(messages, vehicle::Format: ulog Ulog, tlog Tlog, novatel Novatel, vectornav Vectornav,
-    sbet Sbet, kf_gins KfGins, dataflash Dataflash, ubx Ubx, nucleus Nucleus, psins Psins);
+    sbet Sbet, kf_gins KfGins, dataflash Dataflash, ubx Ubx, nucleus Nucleus, psins Psins, sbf Sbf);
 
 /// The sentences without their epochs.
 pub fn nmea_sentences(bytes: &[u8]) -> usize {

@@ -22,6 +22,7 @@ const CHOICES: [Choice; 6] = [
             ("RAWIMUX", None),
             ("NUCLEUS-IMU", None),
             ("ESF-MEAS", None),
+            ("ExtSensorMeas", None),
             ("PSINS", None),
             ("VNIMU", None),
             ("VNYMR", None),
@@ -47,6 +48,7 @@ const CHOICES: [Choice; 6] = [
             ("GPS2_RAW", None),
             ("GPS", Some("GPA")),
             ("NAV-PVT", None),
+            ("PVTGeodetic", None),
             ("BESTPOS", None),
         ],
     ),
@@ -71,8 +73,15 @@ const CHOICES: [Choice; 6] = [
 /// The messages with increments instead of rates; `IMU` of KF-GINS alone.
 const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "PSINS"];
 /// The receivers with a velocity.
-const MOVING: [&str; 6] =
-    ["sensor_gps", "vehicle_gps_position", "GPS_RAW_INT", "GPS2_RAW", "GPS", "NAV-PVT"];
+const MOVING: [&str; 7] = [
+    "sensor_gps",
+    "vehicle_gps_position",
+    "GPS_RAW_INT",
+    "GPS2_RAW",
+    "GPS",
+    "NAV-PVT",
+    "PVTGeodetic",
+];
 /// Pressure, hPa, that no weather makes: a metre of water below the highest one.
 const WET: f64 = 1185.0;
 
@@ -92,7 +101,7 @@ fn measures(topic: &Topic, values: &[f64]) -> bool {
     let place = first(&["lat", "Lat", "latitude", "latitude_deg"]);
     // the status of a DataFlash message counts where it has a place
     let fix = first(&["fix_type", "fixType"]).or(place.and(field("Status")));
-    let valid = first(&["status", "computed"]).is_none_or(|status| status >= 1.0);
+    let valid = first(&["status", "computed", "Mode"]).is_none_or(|status| status >= 1.0);
     let pressure = field("press_abs").or(field("Press").map(|pascals| 0.01 * pascals));
     let fixed = place != Some(0.0) && fix.is_none_or(|kind| kind >= 3.0);
     // of the pressures of a submarine vehicle, one measures the air

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Reads the log of an autopilot or of an inertial unit: PX4 ULog, ArduPilot DataFlash, MAVLink
-/// telemetry log, NovAtel, VectorNav, u-blox, Nortek Nucleus, KF-GINS, PSINS, SBET.
+/// telemetry log, NovAtel, VectorNav, u-blox, Septentrio, Nortek Nucleus, KF-GINS, PSINS, SBET.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleLog {

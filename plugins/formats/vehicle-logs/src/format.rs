@@ -7,6 +7,7 @@ use crate::novatel::Novatel;
 use crate::nucleus::Nucleus;
 use crate::psins::Psins;
 use crate::record::{Decoder, Options};
+use crate::septentrio::Septentrio;
 use crate::ublox::Ublox;
 use crate::ulog::Ulog;
 use crate::vectornav::Vectornav;
@@ -35,6 +36,8 @@ pub enum Format {
     Dataflash,
     /// UBX of u-blox.
     Ubx,
+    /// SBF of Septentrio.
+    Sbf,
     /// Records of a Nortek Nucleus.
     Nucleus,
     /// Text of PSINS (`.imu`).
@@ -43,7 +46,7 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Ulog,
         Self::Tlog,
         Self::Novatel,
@@ -52,6 +55,7 @@ impl Format {
         Self::KfGins,
         Self::Dataflash,
         Self::Ubx,
+        Self::Sbf,
         Self::Nucleus,
         Self::Psins,
     ];
@@ -67,6 +71,7 @@ impl Format {
             Self::KfGins => "kf-gins",
             Self::Dataflash => "dataflash",
             Self::Ubx => "ubx",
+            Self::Sbf => "sbf",
             Self::Nucleus => "nucleus",
             Self::Psins => "psins",
         }
@@ -78,6 +83,7 @@ impl Format {
             Self::Ulog | Self::Tlog | Self::Vectornav | Self::Dataflash | Self::Ubx => "message",
             Self::Novatel => "log",
             Self::Sbet | Self::KfGins | Self::Nucleus => "record",
+            Self::Sbf => "block",
             Self::Psins => "line",
         }
     }
@@ -98,6 +104,7 @@ impl Format {
             Self::KfGins => Box::new(Doubles::new(reader, &KF_GINS, options)),
             Self::Dataflash => Box::new(Dataflash::new(reader, options)),
             Self::Ubx => Box::new(Ublox::new(reader, options)),
+            Self::Sbf => Box::new(Septentrio::new(reader, options)),
             Self::Nucleus => Box::new(Nucleus::new(reader, options)),
             Self::Psins => Box::new(Psins::new(reader)),
         }

@@ -10,6 +10,7 @@
 //! | `kf-gins` | KF-GINS, binary | increments of an inertial unit |
 //! | `dataflash` | ArduPilot | any message, by the formats in the log itself |
 //! | `ubx` | receivers of u-blox | NAV-PVT, ESF-MEAS |
+//! | `sbf` | receivers of Septentrio | PVTGeodetic, AttEuler, ExtSensorMeas |
 //! | `nucleus` | Nortek Nucleus | inertial unit, attitude, depth, bottom and water track |
 //! | `psins` | PSINS, text | increments of an inertial unit |
 //!
@@ -42,6 +43,7 @@ mod nucleus;
 mod packed;
 mod psins;
 mod record;
+mod septentrio;
 mod source;
 mod target;
 mod term;

@@ -8,6 +8,11 @@ use super::{
 /// Degrees per second, and metres per second squared, of a count of `ESF-MEAS`.
 const ESF_GYRO: f64 = DEGREE / 4096.0;
 const ESF_ACCEL: f64 = 1.0 / 1024.0;
+/// Accuracies of a receiver of Septentrio, cm: twice the root mean square of the horizontal distance,
+/// 2 sqrt(2) times the sigma of an axis, and twice the vertical sigma; 65535 where it knows none.
+const SBF_HORIZONTAL: f64 = 0.01 / (2.0 * std::f64::consts::SQRT_2);
+const SBF_VERTICAL: f64 = 0.005;
+const SBF_UNKNOWN: f64 = 65_535.0;
 /// Accuracy of a receiver of u-blox that knows none, mm.
 const UNKNOWN: f64 = 4_294_967_295.0;
 
@@ -147,6 +152,43 @@ pub const KNOWN: &[Known] = &[
                 field("yaw", "heading", DEGREE),
             ],
         ),
+    ),
+    valid(
+        "Mode",
+        1.0,
+        known(
+            "PVTGeodetic",
+            &[
+                field("lat", "Latitude", 1.0),
+                field("lon", "Longitude", 1.0),
+                field("height", "Height", 1.0),
+                field("vel_n", "Vn", 1.0),
+                field("vel_e", "Ve", 1.0),
+                field("vel_d", "Vu", -1.0),
+                unless(field("h_acc", "HAccuracy", SBF_HORIZONTAL), SBF_UNKNOWN),
+                unless(field("v_acc", "VAccuracy", SBF_VERTICAL), SBF_UNKNOWN),
+            ],
+        ),
+    ),
+    known(
+        "AttEuler",
+        &[
+            field("roll", "Roll", DEGREE),
+            field("pitch", "Pitch", DEGREE),
+            field("yaw", "Heading", DEGREE),
+            field("heading", "Heading", DEGREE),
+        ],
+    ),
+    known(
+        "ExtSensorMeas",
+        &[
+            field("gyro_x", "gyro_x", DEGREE),
+            field("gyro_y", "gyro_y", DEGREE),
+            field("gyro_z", "gyro_z", DEGREE),
+            field("accel_x", "accel_x", 1.0),
+            field("accel_y", "accel_y", 1.0),
+            field("accel_z", "accel_z", 1.0),
+        ],
     ),
     known("PSINS", INCREMENTS),
 ];

@@ -31,7 +31,9 @@ fn a_log_that_is_cut_at_any_byte_gives_the_messages_before_the_cut() {
             let before = all.iter().filter(|(r, _)| r.offset < end as u64).count();
             assert!((before - 1..=before).contains(&rows.len()), "{name} at {end}");
             for ((a, x), (b, y)) in rows.iter().zip(&all) {
-                assert_eq!((a, x), (b, y), "{name} at {end}");
+                // not a number equals itself here
+                let bits = |v: &[f64]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!((a, bits(x)), (b, bits(y)), "{name} at {end}");
             }
             assert_eq!(damage.gaps() > 0, damage.cut().is_some(), "{name} at {end}");
         }

@@ -428,6 +428,55 @@ pub fn ublox(seconds: u32) -> Vec<u8> {
     log
 }
 
+/// A block of SBF with this content after its length.
+fn sbf(id: u16, content: &[u8]) -> Vec<u8> {
+    let mut checked = id.to_le_bytes().to_vec();
+    checked.extend((content.len() as u16 + 8).to_le_bytes());
+    checked.extend(content);
+    let crc = checked.iter().fold(0_u16, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte) << 8, |c, _| {
+            if c >> 15 == 0 { c << 1 } else { (c << 1) ^ 0x1021 }
+        })
+    });
+    [b"$@", &crc.to_le_bytes()[..], &checked].concat()
+}
+
+/// PVTGeodetic and AttEuler at 5 Hz and ExtSensorMeas at 50 Hz of a receiver of Septentrio; every
+/// fifth fix is none.
+pub fn septentrio(seconds: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    for k in 0..50 * seconds {
+        let mut time = (336_000_000 + 20 * k).to_le_bytes().to_vec();
+        time.extend(2212_u16.to_le_bytes());
+        if k % 10 == 0 {
+            let mut pvt = time.clone();
+            let none = k % 50 == 40;
+            pvt.extend(if none { [0, 5] } else { [4, 0] });
+            for v in [0.8, 0.15, 450.25] {
+                pvt.extend((if none { -2e10_f64 } else { v }).to_le_bytes());
+            }
+            pvt.extend(floats(&[48.0, 5.0, -0.5, 0.1, 0.0]));
+            pvt.resize(82, 0);
+            pvt.extend([200_u16, 120].iter().flat_map(|v| v.to_le_bytes()));
+            pvt.resize(88, 0);
+            // revision 2 in the upper bits
+            log.extend(sbf(4007 | 2 << 13, &pvt));
+            let mut attitude = time.clone();
+            attitude.resize(12, 0);
+            attitude.extend(floats(&[90.0, -2.5, 1.5, 0.0, 0.0, 0.0]));
+            log.extend(sbf(5938, &attitude));
+        }
+        let mut sensors = time;
+        sensors.extend([2, 28]);
+        for (kind, values) in [(0, [0.1, 0.2, -9.8]), (1, [1.0, -2.0, f64::from(k % 7)])] {
+            sensors.extend([1, 9, kind, 0]);
+            values.iter().for_each(|v: &f64| sensors.extend(v.to_le_bytes()));
+        }
+        log.extend(sbf(4050, &sensors));
+    }
+    log
+}
+
 /// A record of a Nucleus.
 fn nucleus_record(id: u8, data: &[u8]) -> Vec<u8> {
     let sum = |bytes: &[u8]| {
@@ -485,7 +534,7 @@ pub fn psins(count: u32) -> Vec<u8> {
 }
 
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 10] {
+pub fn logs() -> [(&'static str, Vec<u8>); 11] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
@@ -495,6 +544,7 @@ pub fn logs() -> [(&'static str, Vec<u8>); 10] {
         ("kf-gins", increments(120)),
         ("dataflash", dataflash(1)),
         ("ubx", ublox(2)),
+        ("sbf", septentrio(1)),
         ("nucleus", nucleus(60)),
         ("psins", psins(200)),
     ]

@@ -1,8 +1,8 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
 use crate::generate::{
-    dataflash, flight, increments, nucleus, packet, psins, sbet, span, telemetry_of_flight, ublox,
-    vectornav,
+    dataflash, flight, increments, nucleus, packet, psins, sbet, septentrio, span,
+    telemetry_of_flight, ublox, vectornav,
 };
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::Sample;
@@ -171,6 +171,27 @@ fn ubx_gives_fixes_and_the_measurements_of_its_inertial_unit_on_one_clock() {
     near(&gnss[0], &[lat, lon, 450.25, 5.0, -0.5, 0.1, 0.8, 1.2, 0.3], 1e-12);
     assert_eq!(gnss[0].time.nanos(), 1_000_000_000);
     let count = "5 messages without a valid measurement";
+    assert!(reading.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", reading.warnings);
+}
+
+#[test]
+fn sbf_gives_fixes_attitude_and_an_external_inertial_unit() {
+    let keys = "sensors.gnss = { message = \"PVTGeodetic\" }\n\
+                sensors.imu = { message = \"ExtSensorMeas\" }\n\
+                sensors.compass = { message = \"AttEuler\" }\n";
+    let reading = read(&septentrio(2), keys).unwrap();
+    let [compass, gnss, imu] = reading.samples.as_slice() else { panic!("three sources") };
+    assert_eq!([imu.len(), gnss.len(), compass.len()], [100, 8, 10]);
+    let [x, y, z] = [1.0_f64, -2.0, 6.0].map(f64::to_radians);
+    near(&imu[6], &[x, y, z, 0.1, 0.2, -9.8], 1e-15);
+    near(&compass[0], &[90_f64.to_radians()], 1e-15);
+    // 2 m of twice the horizontal distance, and 1.2 m of twice the vertical sigma
+    let none = f64::NAN;
+    let h_acc = 2.0 / 8_f64.sqrt();
+    near(&gnss[0], &[0.8, 0.15, 450.25, 5.0, -0.5, -0.1, h_acc, 0.6, none], SINGLE);
+    // week 2212, second 336000 of GPS, 18 s before UTC
+    assert_eq!(gnss[0].time.nanos(), (1_654_118_400 - 18) * 1_000_000_000);
+    let count = "2 blocks without a valid measurement";
     assert!(reading.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", reading.warnings);
 }
 
