@@ -108,6 +108,20 @@ fn a_checkpoint_of_another_vehicle_and_a_damaged_one_are_refused_by_name() {
 }
 
 #[test]
+fn a_file_of_somebody_else_stays_and_the_run_goes_on() {
+    let desk = Desk::new(STDIN);
+    std::fs::create_dir(desk.path("live")).unwrap();
+    for name in ["live.json", "live.checkpoint"] {
+        std::fs::write(desk.path("live").join(name), "theirs").unwrap();
+    }
+    let result = desk.pass(&part(0.0, 5.0), &["--speed", "inf", "--checkpoint", "0 s"]);
+    assert!(result["duration_s"].as_f64().is_some_and(|s| s > 2.0), "{result}");
+    for name in ["live.json", "live.checkpoint"] {
+        assert_eq!(std::fs::read_to_string(desk.path("live").join(name)).unwrap(), "theirs");
+    }
+}
+
+#[test]
 fn a_scenario_without_links_is_refused_with_the_types_that_there_are() {
     let desk = Desk::new("");
     let live = desk.live(&[]);

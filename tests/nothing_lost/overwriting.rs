@@ -34,14 +34,15 @@ const CALLS: &[(&str, &str, &str)] = &[
 
 /// Commands that run for minutes, or that write into a new folder alone. They reject a file of
 /// somebody else before they begin.
-const LONG_CALLS: [(&str, &str, &str); 3] = [
+const LONG_CALLS: [(&str, &str, &str); 4] = [
     ("figures", "pan-wu --out @", "index.html"),
     ("diagnose", "rest.toml --apply @", ""),
     ("new-plugin", "my-sensor --path @", "Cargo.toml"),
+    ("live", "rest.toml --set link={stdin={}} --out @", "run.mcap"),
 ];
 
 /// Commands that write no file. `view` writes a recording beside a log that has none.
-const OTHERS: [&str; 4] = ["check", "list", "schema", "view"];
+const OTHERS: [&str; 6] = ["check", "list", "play", "schema", "status", "view"];
 
 /// The files and folders below a folder, with their content.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {

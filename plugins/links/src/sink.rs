@@ -211,7 +211,7 @@ mod tests {
         assert_eq!((parsed.len(), frames.damage().bytes()), (4, 0), "{text}");
         let text = format!("{parsed:?}");
         for value in [-43.5_f64, 6.0, 359.5] {
-            assert!(text.contains(&format!("{:.6}", value.to_radians())[..8]), "{value}: {text}");
+            assert!(text.contains(&format!("{:.12}", value.to_radians())[..7]), "{value}: {text}");
         }
         assert!(text.contains("-12.25"), "{text}");
     }

@@ -1,7 +1,7 @@
 //! Files that a run replaces from time to time, on a thread of their own: a disk may be slow.
 
 use navfuse_core::checkpoint::Checkpoint;
-use navfuse_core::files::part_of;
+use navfuse_core::files::{check_output, create_growing, part_of};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::{Inbox, StreamError};
 use std::fs::{File, rename};
@@ -18,8 +18,14 @@ pub const STATUS: &str = "live.json";
 /// Files that wait to be written. A later one is not written while these wait.
 const WAITING: usize = 2;
 
-/// Replaces a file by a new one that is whole, whenever the computer loses its power.
+/// Replaces a file by a new one that is whole, whenever the computer loses its power. A file of
+/// somebody else stays.
 fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+    check_output(path)?;
+    if !path.exists() {
+        // from now on, the name is known as that of a file that changes
+        create_growing(path)?;
+    }
     let part = part_of(path);
     let mut file = File::create(&part)?;
     file.write_all(content)?;
@@ -82,6 +88,8 @@ pub fn read_checkpoint(folder: &Path) -> Result<Option<Checkpoint>, StreamError>
     match std::fs::read(&path) {
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(StreamError::read(path, e)),
+        // the run ended before its first checkpoint was whole
+        Ok(bytes) if bytes.is_empty() => Ok(None),
         Ok(bytes) => Checkpoint::from_bytes(&bytes).map(Some).map_err(|e| {
             StreamError::format(e.to_string()).in_file(path).with_remedy(remedy).with_source(e)
         }),

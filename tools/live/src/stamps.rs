@@ -36,6 +36,8 @@ struct Mark {
 struct Clock {
     /// The latest time that was used.
     last: Option<Mark>,
+    /// The sample with the least delay so far.
+    lead: Option<Mark>,
     /// Time that is added to the stamps.
     shift: Span,
     /// The latest stamp that was refused, and the number of those that agree with it.
@@ -100,8 +102,11 @@ impl Stamps {
     }
 
     fn accept(&mut self, sensor: usize, mark: Mark) -> Judged {
+        let lead = self.sensors[sensor].lead;
+        let leads = lead.is_none_or(|lead| self.ahead(lead, mark) >= 0.0);
         let clock = &mut self.sensors[sensor];
         clock.refused = None;
+        clock.lead = if leads { Some(mark) } else { lead };
         if clock.last.is_none_or(|last| mark.stamp >= last.stamp) {
             clock.last = Some(mark);
         }
@@ -113,7 +118,8 @@ impl Stamps {
         let limit = STEP * self.speed;
         if let Some(last) = self.sensors[sensor].last {
             let since = mark.stamp.since(last.stamp);
-            let ahead = since - self.elapsed(last, mark.at);
+            // after a delivery that stalled, the samples catch up
+            let ahead = self.ahead(self.sensors[sensor].lead.unwrap_or(last), mark);
             if ahead > limit {
                 return Some(ahead);
             }
@@ -126,6 +132,11 @@ impl Stamps {
         (self.driver != Some(sensor) && ahead > limit).then_some(ahead)
     }
 
+    /// The time by which a stamp is ahead of another one and of their arrivals, s.
+    fn ahead(&self, lead: Mark, mark: Mark) -> f64 {
+        mark.stamp.since(lead.stamp) - self.elapsed(lead, mark.at)
+    }
+
     /// Tests whether a stamp follows another one as their arrivals do.
     fn follows(&self, before: Mark, mark: Mark) -> bool {
         let since = mark.stamp.since(before.stamp);
@@ -135,6 +146,7 @@ impl Stamps {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use std::time::Duration;
 

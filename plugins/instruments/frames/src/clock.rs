@@ -165,7 +165,8 @@ impl<T> Clock<T> {
         if let Some(now) = self.zero.arrival {
             let time = now() - self.zero.origin + self.zero.offset;
             // records that arrive together keep their order
-            return Some(self.last.map_or(time, |last| time.max(last + 1)));
+            let before = self.held.as_ref().map(|(held, ..)| *held).max(self.last);
+            return Some(before.map_or(time, |before| time.max(before + 1)));
         }
         let instrument = match stamp {
             Stamp::Missing => return None,
