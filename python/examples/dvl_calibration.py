@@ -6,7 +6,7 @@
 # %%
 import navfuse
 
-scenario = navfuse.Scenario.from_toml(navfuse.QUICKSTART)
+scenario = navfuse.Scenario.from_toml(navfuse.QUICKSTART).set("estimator.stop", "250 s")
 filtered, smoothed = scenario.run(), scenario.smooth()
 for name in ("dvl.scale", "dvl.misalignment"):
     state = filtered[name]

@@ -53,7 +53,7 @@ def test_progress_of_a_campaign_counts_runs(file):
 
 
 def test_a_diagnosis_names_the_change_that_explains_the_samples(file):
-    scenario = navfuse.Scenario.load(file).set("estimator.stop", "75 s")
+    scenario = navfuse.Scenario.load(file).set("estimator.stop", "64 s")
     diagnosis = scenario.diagnose()
     assert diagnosis["tried"] > 10 and diagnosis["unchanged"]["level"] == "consistent"
 
