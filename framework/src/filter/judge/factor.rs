@@ -32,8 +32,9 @@ const EVIDENCE: f64 = 40.0;
 /// factor has to explain.
 const RATIO: f64 = 9.0;
 const EXPLAINED: f64 = 0.5;
-/// Largest share of one span in the whole change: a jump is no motion.
-const JUMP: f64 = 0.5;
+/// Largest share of one span in the sum of squares: a jump is no motion. Two spans of a motion of which one
+/// is half as long have 0.8.
+const JUMP: f64 = 0.8;
 
 /// Changes of one channel.
 #[derive(Clone, Copy, Debug, Default)]
