@@ -8,21 +8,25 @@ use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::collections::binary_heap::PeekMut;
 
 const NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
 
-/// The place of a waiting sample: its arrival, true for a reference that comes last, and its source.
-type Place = (Time, bool, usize);
+/// The place of a waiting sample: its arrival, and the number of its source. A reference that comes
+/// last has the number of sources added.
+type Place = (Time, usize);
 
 /// The sources of a run. A step costs the logarithm of their number.
 pub(crate) struct Merge {
     sources: Vec<NamedSource>,
     /// The next sample of each source.
     samples: Vec<Sample>,
-    /// The samples that wait, the first one on top.
+    /// The samples of the sources, the first one on top.
     waiting: BinaryHeap<Reverse<Place>>,
-    /// The sources whose samples were taken, and which are asked for another before the next choice.
-    taken: Vec<usize>,
+    /// Number of sources that were asked for their first sample.
+    asked: usize,
+    /// True once the sample on top was taken: its source is asked for another before the next choice.
+    taken: bool,
     /// True if the places are those of a running filter.
     running: bool,
     /// For each sensor, true for a reference.
@@ -38,7 +42,8 @@ impl Merge {
         Self {
             samples: vec![NO_SAMPLE; sources.len()],
             waiting: BinaryHeap::with_capacity(sources.len()),
-            taken: (0..sources.len()).rev().collect(),
+            asked: 0,
+            taken: false,
             running: false,
             feeders: vec![None; sensors.len()],
             names: sensors.iter().map(|s| s.info.name.clone()).collect(),
@@ -68,24 +73,46 @@ impl Merge {
     ///
     /// # Errors
     /// When a source fails.
-    pub(crate) fn next(&mut self, running: bool) -> Result<Option<Sample>, RunError> {
-        while let Some(k) = self.taken.last() {
-            self.advance(*k)?;
-            self.taken.pop();
+    pub(crate) fn next(&mut self, running: bool) -> Result<Option<&Sample>, RunError> {
+        while self.asked < self.sources.len() {
+            let first = self.read(self.asked)?;
+            self.waiting.extend(first);
+            self.asked += 1;
+        }
+        if self.taken
+            && let Some(last) = self.first()
+        {
+            let next = self.read(last)?;
+            self.taken = false;
+            match (next, self.waiting.peek_mut()) {
+                (Some(place), Some(mut top)) => *top = place,
+                (_, top) => _ = top.map(PeekMut::pop),
+            }
         }
         if running != self.running {
             self.running = running;
             let waiting = std::mem::take(&mut self.waiting).into_vec();
-            self.waiting =
-                waiting.into_iter().map(|Reverse((at, _, k))| self.place(at, k)).collect();
+            let again =
+                waiting.iter().map(|Reverse(place)| self.place(place.0, self.source(place)));
+            self.waiting = again.collect();
         }
-        let Some(Reverse((_, _, first))) = self.waiting.pop() else { return Ok(None) };
-        self.taken.push(first);
-        Ok(Some(self.samples[first]))
+        let first = self.first();
+        self.taken = first.is_some();
+        Ok(first.map(|k| &self.samples[k]))
     }
 
-    /// Reads the next sample of a source.
-    fn advance(&mut self, k: usize) -> Result<(), RunError> {
+    /// The source of the sample on top.
+    fn first(&self) -> Option<usize> {
+        self.waiting.peek().map(|Reverse(place)| self.source(place))
+    }
+
+    /// The source of a place.
+    fn source(&self, place: &Place) -> usize {
+        place.1 % self.sources.len()
+    }
+
+    /// Reads the next sample of a source, and returns its place; `None` after the last one.
+    fn read(&mut self, k: usize) -> Result<Option<Reverse<Place>>, RunError> {
         let ((name, source), sample) = (&mut self.sources[k], &mut self.samples[k]);
         *sample = NO_SAMPLE;
         let failed = |error| RunError::Source { source_name: name.clone(), error };
@@ -96,12 +123,12 @@ impl Merge {
                 "a sample has the sensor number {found}, but the scenario has {count} sensors"
             ))));
         }
-        if open {
-            let arrival = source.arrival().unwrap_or(sample.time);
-            self.feeds(k, found)?;
-            self.waiting.push(self.place(arrival, k));
+        if !open {
+            return Ok(None);
         }
-        Ok(())
+        let arrival = source.arrival().unwrap_or(sample.time);
+        self.feeds(k, found)?;
+        Ok(Some(self.place(arrival, k)))
     }
 
     /// Takes note that a source feeds a sensor, which no other one does.
@@ -123,6 +150,7 @@ impl Merge {
     /// except that a running filter takes references last: the truth is compared with the estimate
     /// that has used every other sample of that time.
     fn place(&self, arrival: Time, k: usize) -> Reverse<Place> {
-        Reverse((arrival, self.running && self.references[self.samples[k].sensor.0], k))
+        let last = self.running && self.references[self.samples[k].sensor.0];
+        Reverse((arrival, if last { k + self.sources.len() } else { k }))
     }
 }

@@ -76,11 +76,12 @@ fn push_all(
             return Ok(End::Interrupted);
         }
         let Some(sample) = merge.next(session.running())? else { break };
-        session.push(&sample)?;
+        let now = sample.time;
+        session.push(sample)?;
         count += 1;
         if count.is_multiple_of(PROGRESS) {
             let end = merge.end().map(|end| session.stop().map_or(end, |stop| stop.min(end)));
-            progress(Progress { now: sample.time, end });
+            progress(Progress { now, end });
         }
     }
     Ok(End::Complete)

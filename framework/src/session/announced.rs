@@ -3,11 +3,12 @@
 use crate::checkpoint::saved;
 use crate::model::record::{Event, Level, Observer};
 use crate::units::time::Time;
+use std::collections::VecDeque;
 
 /// Events of the log that wait for their time, and remarks for its beginning and its end.
 pub(crate) struct Announced {
     /// Notes for the first sample, each with the part that it is about.
-    notes: Vec<(String, String)>,
+    notes: VecDeque<(String, String)>,
     /// Events in order of time, the last one first.
     events: Vec<Event>,
     /// Warnings for the end.
@@ -18,7 +19,7 @@ saved!(Announced { notes, events, warnings });
 
 impl Announced {
     pub(crate) fn new(notes: Vec<(String, String)>) -> Self {
-        Self { notes, events: Vec::new(), warnings: Vec::new() }
+        Self { notes: notes.into(), events: Vec::new(), warnings: Vec::new() }
     }
 
     pub(crate) fn add(&mut self, events: Vec<Event>) {
@@ -32,7 +33,7 @@ impl Announced {
 
     /// Logs the notes, once.
     pub(crate) fn begin(&mut self, time: Time, log: &mut dyn Observer) {
-        for (about, text) in std::mem::take(&mut self.notes) {
+        while let Some((about, text)) = self.notes.pop_front() {
             log.event(Event { time, level: Level::Info, about, text });
         }
     }

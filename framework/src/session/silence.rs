@@ -33,9 +33,12 @@ struct Activity {
 saved!(Activity { last, rhythm, lost } except { timeout });
 
 impl Activity {
-    /// The longest silence that is accepted, s. A sensor with one sample is never lost.
-    fn timeout(&self) -> f64 {
-        self.timeout.unwrap_or_else(|| self.rhythm.patience())
+    /// Tests whether the sensor is lost at a time. A sensor with one sample never is.
+    fn is_lost(&self, time: Time) -> bool {
+        self.last.is_some_and(|last| match (time.since(last), self.timeout) {
+            (elapsed, Some(timeout)) => elapsed > timeout,
+            (elapsed, None) => self.rhythm.misses(elapsed),
+        })
     }
 }
 
@@ -93,10 +96,10 @@ impl SilenceMonitor {
         let driven = self.driver.map(|d| self.sensors[d].last.unwrap_or(Time::MIN));
         for (k, (activity, sensor)) in self.sensors.iter_mut().zip(sensors).enumerate() {
             let time = driven.filter(|_| self.driver != Some(k)).unwrap_or(clock);
-            let timeout = activity.timeout();
-            if !activity.lost && activity.last.is_some_and(|last| time.since(last) > timeout) {
+            if !activity.lost && activity.is_lost(time) {
                 activity.lost = true;
                 let about = sensor.name.clone();
+                let timeout = activity.timeout.unwrap_or_else(|| activity.rhythm.patience());
                 let timeout = (timeout * 1e3).round() / 1e3;
                 let text = format!("{about} lost: no sample for {timeout} s");
                 outputs.event(Event { time, level: Level::Warning, about, text });

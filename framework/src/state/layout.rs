@@ -209,6 +209,7 @@ impl Clone for State {
 
 impl State {
     /// The value of a block.
+    #[inline]
     pub fn get<M: Manifold>(&self, layout: &Layout, handle: Handle<M>) -> M::Value<f64> {
         M::load(&self.values[layout.blocks[handle.slot].range()])
     }

@@ -16,10 +16,9 @@ const SHORTEST: f64 = 5.0;
 pub struct Rhythm {
     latest: [f64; LATEST],
     count: usize,
-    usual: Option<f64>,
 }
 
-saved!(Rhythm { latest, count, usual });
+saved!(Rhythm { latest, count });
 
 impl Rhythm {
     /// Takes an interval, s. Several observations of one time have no interval.
@@ -29,26 +28,30 @@ impl Rhythm {
         }
         self.latest[self.count % LATEST] = interval;
         self.count += 1;
-        let longest = self.latest.iter().fold([0.0; 2], |[first, second], &x| {
-            if x > first { [x, first] } else { [first, second.max(x)] }
-        });
-        self.usual = Some(if self.count == 1 { interval } else { longest[1] });
     }
 
     /// The usual interval, s; `None` before two samples of different times.
     pub fn usual(&self) -> Option<f64> {
-        self.usual
+        let [longest, second] = self.latest.iter().fold([0.0; 2], |[first, second], &x| {
+            if x > first { [x, first] } else { [first, f64::max(second, x)] }
+        });
+        (self.count > 0).then_some(if self.count == 1 { longest } else { second })
     }
 
     /// Tests whether samples that are an interval apart, s, follow each other.
     pub fn follows(&self, interval: f64) -> bool {
-        self.usual.is_some_and(|usual| interval <= INTERVALS * usual)
+        self.usual().is_some_and(|usual| interval <= INTERVALS * usual)
+    }
+
+    /// Tests whether a time without a sample, s, is a silence: see [`Self::patience`].
+    pub fn misses(&self, elapsed: f64) -> bool {
+        elapsed > SHORTEST && elapsed > self.patience()
     }
 
     /// The longest time without a sample that is no silence, s: three usual intervals, and at least
     /// 5 s. Without a usual interval it is infinite.
     pub fn patience(&self) -> f64 {
-        self.usual.map_or(f64::INFINITY, |usual| (INTERVALS * usual).max(SHORTEST))
+        self.usual().map_or(f64::INFINITY, |usual| (INTERVALS * usual).max(SHORTEST))
     }
 }
 
