@@ -42,6 +42,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_relative_pose::RelativePosePlugin)
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
+        .add(&navfuse_dead_reckoning::DeadReckoningPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_dvl_files::DvlFilesPlugin)

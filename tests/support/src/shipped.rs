@@ -18,6 +18,7 @@ pub fn registry() -> Registry {
         .add(&navfuse_relative_pose::RelativePosePlugin)
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
+        .add(&navfuse_dead_reckoning::DeadReckoningPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     registry
 }

@@ -191,6 +191,44 @@ fn the_heading_sensors_conform() -> Result<(), Failed> {
     )
 }
 
+/// The vehicle has no IMU: the AHRS drives its motion.
+#[test]
+fn the_ahrs_and_its_dead_reckoning_conform() -> Result<(), Failed> {
+    check(
+        &[&navfuse_dead_reckoning::DeadReckoningPlugin, &navfuse_doppler::DvlPlugin],
+        r#"
+        [process.ins]
+        type = "dead-reckoning"
+        acceleration = "0.1 m/s^2/sqrt(Hz)"
+        velocity = { sigma = "10 cm/s" }
+        position = { sigma = "1 m" }
+
+        [sensor.ahrs]
+        noise = "0.1 deg"
+        tilt = "0.3 deg"
+        heading = "1 deg"
+        declination = "4 deg"
+        simulation = { rate = "10 Hz" }
+
+        [sensor.dvl]
+        noise = "1 cm/s"
+        simulation = { rate = "4 Hz" }
+
+        [sensor.reference]
+        simulation = { rate = "1 Hz" }
+
+        [source.simulation]
+        start = { latitude = "43 deg", heading = "30 deg" }
+        segments = [
+            { type = "surge", duration = "20 s", speed = "0.5 m/s" },
+            { type = "descend", duration = "30 s", rate = "0.2 m/s" },
+            { type = "turn", duration = "20 s", angle = "90 deg", bank = "2 deg" },
+            { type = "cruise", duration = "20 s" },
+        ]
+        "#,
+    )
+}
+
 #[test]
 fn the_depth_sensor_conforms() -> Result<(), Failed> {
     conforms(

@@ -9,6 +9,7 @@ mod coast;
 pub mod earth;
 pub mod error_model;
 mod imu;
+mod initial;
 pub mod mechanisation;
 mod monitor;
 mod navigation;
@@ -22,6 +23,7 @@ mod testing;
 
 pub use coast::Coast;
 pub use imu::{Imu, Output};
+pub use initial::{InitialPosition, InitialValue};
 pub use navigation::{Navigation, VelocityDerivative, default_name};
 pub use reference::ReferenceSolution;
 pub use strapdown::Strapdown;

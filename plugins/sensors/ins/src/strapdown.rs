@@ -6,7 +6,8 @@ use crate::alignment::{
 };
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
-use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, Mechanisation, NavState};
+use crate::initial::{InitialPosition, InitialValue, spec, start};
+use crate::mechanisation::{Increments, Mechanisation, NavState};
 use crate::monitor::ImuMonitor;
 use crate::navigation::Navigation;
 use crate::places::Places;
@@ -25,10 +26,10 @@ use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
-use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
-use navfuse_core::units::{Angle, Components, Latitude, Length, Longitude, Sigma, Speed, Triple};
+use navfuse_core::units::{Angle, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -64,96 +65,6 @@ fn imu() -> String {
     "imu".into()
 }
 
-/// Prior and initial value of a state.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, bound = "V: Components")]
-pub struct InitialValue<V: Components> {
-    /// Prior 1-sigma.
-    pub sigma: Sigma<V>,
-    /// Initial value; left out where a reference gives it.
-    pub initial: Option<V>,
-}
-
-/// Prior and initial value of the position.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct InitialPosition {
-    /// Prior 1-sigma north, east, down.
-    pub sigma: Sigma<Triple<Length>>,
-    /// Geodetic latitude; left out where a reference gives it.
-    pub latitude: Option<Latitude>,
-    /// Longitude.
-    pub longitude: Option<Longitude>,
-    /// Height above the ellipsoid.
-    pub height: Option<Length>,
-}
-
-fn spec(
-    composer: &mut Composer,
-    name: &str,
-    sigma: Vector3<f64>,
-    initial: Option<[f64; 3]>,
-    display: Display,
-) -> Result<BlockSpec, ComposeError> {
-    if sigma.iter().any(|s| *s <= 0.0) {
-        return Err(ComposeError::new(
-            format!("{name}.sigma"),
-            "a prior sigma of zero makes the covariance singular: give a positive one on every axis",
-        ));
-    }
-    if initial.is_none() {
-        composer.needs_reference(name);
-    }
-    Ok(BlockSpec {
-        mode: Mode::Estimate,
-        initial: initial.unwrap_or_default().to_vec(),
-        sigma: sigma.as_slice().to_vec(),
-        truth: None,
-        dynamics: Dynamics::Constant,
-        display,
-    })
-}
-
-/// As [`spec`], for a state that the scenario gives, or that the alignment finds with the prior
-/// sigma `found`.
-fn start<V: Components>(
-    composer: &mut Composer,
-    name: &str,
-    given: Option<InitialValue<V>>,
-    found: Option<Vector3<f64>>,
-    display: Display,
-) -> Result<BlockSpec, ComposeError> {
-    match (given, found) {
-        (Some(given), None) => {
-            let three = |v: V| Vector3::from_iterator(v.components());
-            let initial = given.initial.map(|v| three(v).into());
-            spec(composer, name, three(given.sigma.value()), initial, display)
-        }
-        (None, None) => {
-            let text = format!(
-                "missing: give {name} = {{ sigma = ... }}, or let it be found: alignment = \"static\""
-            );
-            Err(ComposeError::new("", text))
-        }
-        (given, Some(sigma)) => {
-            if given.is_some() {
-                composer.note(format!(
-                    "{name} is found by the alignment: its sigma and initial value are not used"
-                ));
-            }
-            spec(composer, name, sigma, Some([0.0; 3]), display)
-        }
-    }
-}
-
-/// Rejects an angle beyond a limit in degrees, north or south, east or west.
-fn within(key: &str, angle: Angle, limit: f64) -> Result<(), ComposeError> {
-    if angle.si().abs().to_degrees() <= limit {
-        return Ok(());
-    }
-    Err(ComposeError::new(key, format!("found \"{angle}\"; give a value within {limit} deg")))
-}
-
 impl ProcessType for Strapdown {
     const TYPE: &'static str = "ins";
 
@@ -167,21 +78,7 @@ impl ProcessType for Strapdown {
         let course = (self.alignment.0.method == AlignmentMethod::Course)
             .then(|| CourseSettings::new(&self.alignment.0, bias));
         let p = &self.position;
-        let angles = (p.latitude.map(Latitude::angle), p.longitude.map(Longitude::angle));
-        let position = match (angles.0, angles.1, p.height) {
-            (Some(latitude), Some(longitude), Some(height)) => {
-                within("position.latitude", latitude, MAX_LATITUDE_DEG)?;
-                within("position.longitude", longitude, 360.0)?;
-                Some([latitude.si(), longitude.si(), height.si()])
-            }
-            (None, None, None) => None,
-            _ => {
-                return Err(ComposeError::new(
-                    "position",
-                    "give latitude, longitude and height, or none of them",
-                ));
-            }
-        };
+        let position = p.initial()?;
         // an alignment finds roll and pitch from the IMU itself, which cannot contradict them
         let tilt_prior =
             self.attitude.filter(|_| settings.is_none() && course.is_none()).map(|a| {
