@@ -85,11 +85,14 @@ pub fn play(registry: &Registry, arguments: &Play) -> Result<ExitCode> {
     Ok(if stop.load(Ordering::Relaxed) { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
+/// Appends a sample to a text; false for a sample that the format cannot hold.
+type Format = fn(&mut String, &SensorInfo, &Sample) -> bool;
+
 /// A place to which samples are sent.
 struct Place {
     /// The only sensor that is sent; `None` for all that have no place of their own.
     sensor: Option<usize>,
-    format: fn(&mut String, &SensorInfo, &Sample) -> bool,
+    format: Format,
     to: Box<dyn Write>,
     text: String,
 }
@@ -107,15 +110,14 @@ impl Place {
         };
         let sensor = infos.iter().position(|info| info.name == name);
         let sensor = sensor.ok_or_else(|| wrong(format!("there is no [sensor.{name}]")))?;
-        let (format, place): (fn(&mut String, &SensorInfo, &Sample) -> bool, &str) =
-            match rest.split_once(':') {
-                Some(("nmea", place)) => (write_fix, place),
-                Some(("water-linked-json", place)) => (write_water_linked, place),
-                _ => {
-                    let text = "the format is nmea or water-linked-json, followed by : and a place";
-                    return Err(wrong(text.to_owned()));
-                }
-            };
+        let (format, place): (Format, &str) = match rest.split_once(':') {
+            Some(("nmea", place)) => (write_fix, place),
+            Some(("water-linked-json", place)) => (write_water_linked, place),
+            _ => {
+                let text = "the format is nmea or water-linked-json, followed by : and a place";
+                return Err(wrong(text.to_owned()));
+            }
+        };
         let to = open(place, stop)?;
         Ok(Self { sensor: Some(sensor), format, to, text: String::new() })
     }
