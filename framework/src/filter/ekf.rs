@@ -8,18 +8,20 @@ use super::course::guide::Guide;
 use super::parts::Parts;
 use super::propagate::passage::Passage;
 use super::propagate::propagation::{Method, Stepper};
+use super::screen::screened::Driver;
 use super::update::work::Work;
 use crate::compose::Composition;
 use crate::compose::estimator::Linearised;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::screening::Spread;
 use crate::model::process::{Input, Interval};
-use crate::model::record::{Observer, Rejection};
+use crate::model::record::Observer;
 use crate::model::sensor::Role;
 use crate::model::sensor::roster::Changes;
-use crate::state::{Layout, Mode};
+use crate::state::Layout;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
+use std::ops::RangeBounds;
 use std::sync::Arc;
 
 /// An error-state EKF, which takes samples in order of time.
@@ -55,13 +57,9 @@ impl Ekf {
 
     fn with(composition: Composition, method: Method) -> Self {
         let layout = Arc::clone(&composition.layout);
-        let mut considered = vec![false; layout.tangent];
-        for block in layout.blocks.iter().filter(|b| b.spec.mode == Mode::Consider) {
-            considered[block.tangent_range()].fill(true);
-        }
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
-            considered,
+            considered: layout.considered(),
             work: Work::new(&composition),
             stepper: Stepper::new(&composition, method),
             changes: Changes::default(),
@@ -114,18 +112,7 @@ impl Ekf {
             self.parts.sensors[index].refused = None;
             return self.screen(sample, observer);
         }
-        if self.driver.is_none() {
-            if self.parts.start.is_due(sample.time) {
-                self.initialise(sample.time, false, observer);
-            }
-            self.advance(sample.time, None, observer)?;
-            return self.use_sample(sample, observer);
-        }
-        if self.parts.pace.input().is_some_and(|input| sample.time <= input) {
-            return self.use_sample(sample, observer);
-        }
-        self.wait(sample, observer);
-        self.coast_on(sample.time, observer)
+        self.use_at_its_time(sample, observer)
     }
 
     /// Screens a sample of the driving sensor, and drives with the samples that pass.
@@ -136,7 +123,7 @@ impl Ekf {
     ) -> Result<(), EstimatorError> {
         let waits = self.parts.start.waits();
         let info = &self.composition.sensors[sample.sensor.0].info;
-        if self.parts.screening.take(sample, (info, waits), observer) {
+        if self.parts.screening.take(sample, Driver { info, waits }, observer) {
             return self.drive(sample, None, observer);
         }
         self.use_screened(observer)
@@ -160,32 +147,14 @@ impl Ekf {
         spread: Option<&Spread>,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        let (duration, usual) = self.parts.pace.intervals(sample);
-        if self.running() && sample.time <= self.state().time && duration > usual {
-            self.reject(sample, Rejection::Late, observer); // time went on without it
-            return Ok(());
-        }
-        let begin = self.coast_to(sample, duration, usual, observer)?;
-        let duration = if begin.is_some() { usual } else { duration };
-        if usual < duration {
-            self.report_missing(sample, duration, usual, observer);
-        }
-        let input = Input { sample, duration, usual, spread };
+        let input = self.parts.pace.input_of(sample, spread);
+        let Some(input) = self.reach_begin(input, observer)? else { return Ok(()) };
         if !self.running() {
-            self.prepare(input, observer);
+            self.prepare(input, observer)?;
         }
-        while !self.searching()
-            && let Some(waiting) = self.parts.pace.next_until(sample.time)
-        {
-            self.advance(waiting.time, Some(input), observer)?;
-            self.use_sample(&waiting, observer)?;
-        }
+        self.use_waiting(..=sample.time, Some(input), observer)?;
         if self.searching() && self.state().time < sample.time {
-            // the search began within the interval of this sample, which is the first one that it
-            // sees
-            let before = self.parts.pace.input().unwrap_or(Time::MIN);
-            self.parts.sensors[sample.sensor.0].last = before;
-            return self.search(sample);
+            return self.search_within(sample);
         }
         self.parts.pace.reach(sample);
         self.advance(sample.time, Some(input), observer)?;
@@ -194,6 +163,22 @@ impl Ekf {
             self.watch_input(input, observer);
             self.supervise(observer)?;
             self.detect(sample, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Advances to the measurements that wait within a span of time, and uses each.
+    pub(super) fn use_waiting(
+        &mut self,
+        span: impl RangeBounds<Time>,
+        input: Option<Input<'_>>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        while !self.searching()
+            && let Some(waiting) = self.parts.pace.next_within(&span)
+        {
+            self.advance(waiting.time, input, observer)?;
+            self.use_sample(&waiting, observer)?;
         }
         Ok(())
     }
@@ -210,8 +195,8 @@ impl Ekf {
             return Ok(());
         }
         let Self { composition, considered, stepper, parts, .. } = self;
-        let (interval, run) = (Interval { from, to, input }, (&*composition, &considered[..]));
-        if parts.propagation.step(stepper, run, &mut parts.estimate, &interval)? {
+        let (interval, estimate) = (Interval { from, to, input }, &mut parts.estimate);
+        if parts.propagation.step(stepper, composition, considered, estimate, &interval)? {
             self.move_covariance(observer);
         }
         Ok(())
@@ -222,13 +207,9 @@ impl Ekf {
         let Parts { propagation, estimate, sensors, signatures, history, .. } = &mut self.parts;
         let transition = propagation.move_covariance(&self.stepper, &mut estimate.covariance);
         observer.transition(transition);
-        if let Some((guide, offset)) = self.guide.as_mut().zip(estimate.offset.as_mut()) {
-            guide.propagate(&self.layout, &mut estimate.state, offset, transition);
-        }
+        estimate.follow(self.guide.as_deref_mut(), &self.layout, transition);
         observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
-        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            transition.carry_reach(&mut slot.reach);
-        }
+        transition.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
         if let Some(signatures) = signatures {
             signatures.moved(estimate.state.time);
         }

@@ -1,10 +1,10 @@
 //! The estimate of a filter.
 
-use super::course::guide::Offset;
+use super::course::guide::{Guide, Offset};
 use crate::checkpoint::saved;
 use crate::model::process::start::FilterView;
 use crate::model::record::{Epoch, Truth};
-use crate::state::covariance::Covariance;
+use crate::state::covariance::{Covariance, Transition};
 use crate::state::{Layout, State};
 use crate::units::time::Time;
 
@@ -28,6 +28,18 @@ impl Estimate {
     /// Estimate relative to the state; empty where the state is the estimate.
     pub(super) fn offset(&self) -> &[f64] {
         self.offset.as_ref().map_or(&[], |offset| &offset.d)
+    }
+
+    /// Follows a trajectory over a step that the covariance has taken.
+    pub(super) fn follow(
+        &mut self,
+        guide: Option<&mut Guide>,
+        layout: &Layout,
+        transition: &Transition,
+    ) {
+        if let Some((guide, offset)) = guide.zip(self.offset.as_mut()) {
+            guide.propagate(layout, &mut self.state, offset, transition);
+        }
     }
 
     /// The estimate as sinks see it.

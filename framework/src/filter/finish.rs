@@ -3,6 +3,7 @@
 use super::ekf::Ekf;
 use super::judge::noise_level::NoiseLevel;
 use super::judge::reject::rejected;
+use super::screen::screened::Driver;
 use crate::model::record::{Event, Level, Observer, Rejection};
 
 impl Ekf {
@@ -29,7 +30,7 @@ impl Ekf {
         let waits = self.parts.start.waits();
         let counts = {
             let info = &self.composition.sensors[driver].info;
-            self.parts.screening.finish((info, waits), observer)
+            self.parts.screening.finish(Driver { info, waits }, observer)
         };
         // a failure here loses a few samples at the very end of the run
         self.use_screened(observer).ok();
@@ -51,7 +52,7 @@ impl Ekf {
             let time = self.state().time;
             observer.event(Event { time, level: Level::Warning, about, text });
         }
-        while let Some(sample) = self.parts.pace.next() {
+        while let Some(sample) = self.parts.pace.next_within(&..) {
             observer.update(&rejected(&sample, Rejection::NoInput));
         }
     }

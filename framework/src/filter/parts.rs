@@ -11,7 +11,7 @@ use super::propagate::propagation::Propagation;
 use super::screen::screened::Screening;
 use super::start::beginning::Beginning;
 use super::start::truth::Known;
-use super::transients::presence::Presence;
+use super::transients::seen::Transients;
 use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::snapshot::Kept;
@@ -43,7 +43,7 @@ pub(super) struct Parts {
     /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<RecentStates>,
     /// Blocks that come and go.
-    pub(super) presence: Presence,
+    pub(super) transients: Transients,
 }
 
 impl Saved for Parts {
@@ -60,7 +60,7 @@ impl Saved for Parts {
             watch,
             clones,
             history,
-            presence,
+            transients,
         } = self;
         io.part("estimate", |io| io.pass(estimate));
         io.part("start", |io| io.pass(start));
@@ -73,7 +73,7 @@ impl Saved for Parts {
         io.part("monitor and detectors", |io| io.pass(watch));
         io.part("past states", |io| io.each(clones));
         io.part("time offsets", |io| io.each(history));
-        io.part("states that come and go", |io| io.pass(presence));
+        io.part("states that come and go", |io| io.pass(transients));
     }
 }
 
@@ -119,7 +119,7 @@ impl Parts {
             watch: Watch::new(composition),
             clones: Clones::of(composition),
             history: RecentStates::new(composition),
-            presence: Presence::new(layout.labels),
+            transients: Transients::new(layout.labels),
         }
     }
 }

@@ -1,5 +1,7 @@
-//! Conflicts between plugins.
+//! Conflicts between plugins, and reasons why a scenario cannot be built with them.
 
+use crate::document::DocumentError;
+use crate::files::FolderError;
 use crate::plugin::need::Need;
 use std::fmt;
 use std::sync::Arc;
@@ -129,3 +131,18 @@ impl fmt::Display for PluginError {
 }
 
 impl std::error::Error for PluginError {}
+
+/// The reason why a part of a scenario cannot be built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// The scenario does not fit, or a source or sink cannot be opened.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// The plugins do not fit together.
+    #[error(transparent)]
+    Plugin(#[from] PluginError),
+    /// The folder of the results cannot be written into.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+}

@@ -2,7 +2,8 @@
 
 use crate::model::stream::{Feed, StreamError};
 use crate::plugin::OpenContext;
-use crate::plugin::registry::{Kind, Make, Open, Prepare, Registry};
+use crate::plugin::entry::{Kind, Make, Open, Prepare};
+use crate::plugin::registry::Registry;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 

@@ -206,9 +206,11 @@ impl<'a> Building<'a> {
         let places = self.composer.take_input_places();
         let (mut layout, mut transition, needing) = std::mem::take(&mut self.composer).finish();
         inputs::connect(
-            (&self.root, std::mem::take(&mut self.inputs)),
+            &self.root,
+            std::mem::take(&mut self.inputs),
             &places,
-            (&layout, &mut transition),
+            &layout,
+            &mut transition,
             &mut self.sensors,
         )?;
         self.check_states(&layout)?;

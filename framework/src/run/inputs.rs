@@ -18,16 +18,17 @@ pub(super) struct InputPart {
 /// Hands each driving sensor its input models, in the order of their tables, and connects their
 /// states with the rows of `Phi` that the sensor's processes declare in `places`.
 pub(super) fn connect(
-    (root, parts): (&Node<'_>, Vec<InputPart>),
+    root: &Node<'_>,
+    mut parts: Vec<InputPart>,
     places: &[(String, usize)],
-    (layout, transition): (&Layout, &mut Transition),
+    layout: &Layout,
+    transition: &mut Transition,
     sensors: &mut [Sensor],
 ) -> Result<(), DocumentError> {
     for part in &parts {
         check(part, places, sensors)
             .map_err(|text| process_place(root, &part.owner).error(text))?;
     }
-    let mut parts = parts;
     for sensor in sensors {
         let name = &sensor.info.name;
         let own = |part: &mut InputPart| part.sensor == *name;

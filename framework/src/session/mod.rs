@@ -1,6 +1,7 @@
 //! The heart of a run: samples go in, in the order of their arrival, and records come out.
 
 mod announced;
+mod comparison;
 mod estimators;
 mod finished;
 mod output_rate;
@@ -10,7 +11,6 @@ mod resume;
 mod session;
 mod silence;
 pub mod summary;
-mod track;
 mod verdict;
 
 pub(crate) use estimators::{check, find, settle};

@@ -8,7 +8,7 @@ use crate::model::record::{Epoch, Event, Level, Outcome, Outcomes, Rejection, Up
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
-use crate::session::track::{Compared, Track};
+use crate::session::comparison::{Compared, Comparison};
 use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
 
-pub use crate::session::track::HorizontalError;
+pub use crate::session::comparison::HorizontalError;
 
 /// The place that a sink wrote to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -129,19 +129,27 @@ pub(crate) struct Statistics {
     seed: Option<u64>,
     sensors: Vec<(String, Purpose, Counts)>,
     first: Option<Time>,
-    track: Track,
+    comparison: Comparison,
     /// Smoothed estimates, in a run that is smoothed.
-    smoothed: Option<Track>,
+    smoothed: Option<Comparison>,
 }
 
 impl Saved for Statistics {
     fn saved(&mut self, io: &mut Io<'_>) {
-        let Self { last_epoch, name: _, version: _, seed: _, sensors, first, track, smoothed: _ } =
-            self;
+        let Self {
+            last_epoch,
+            name: _,
+            version: _,
+            seed: _,
+            sensors,
+            first,
+            comparison,
+            smoothed: _,
+        } = self;
         io.pass(last_epoch);
         sensors.iter_mut().for_each(|(_, _, counts)| io.pass(counts));
         io.pass(first);
-        io.pass(track);
+        io.pass(comparison);
     }
 }
 
@@ -158,7 +166,7 @@ impl Statistics {
                 .map(|s| (s.name.clone(), s.purpose, Counts::default()))
                 .collect(),
             first: None,
-            track: Track::new(&info.layout),
+            comparison: Comparison::new(&info.layout),
             smoothed: None,
         }
     }
@@ -190,18 +198,18 @@ impl Statistics {
     pub(crate) fn epoch(&mut self, epoch: &Epoch<'_>) {
         self.first.get_or_insert(epoch.state.time);
         self.last_epoch = Some(epoch.state.time);
-        self.track.epoch(epoch);
+        self.comparison.epoch(epoch);
     }
 
     /// Takes a smoothed estimate.
     pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
-        self.smoothed.get_or_insert_with(|| Track::new(epoch.layout)).epoch(epoch);
+        self.smoothed.get_or_insert_with(|| Comparison::new(epoch.layout)).epoch(epoch);
     }
 
     /// The last comparison of each block with its truth, of the smoothed estimates where there are
     /// any, and the time of the last estimate.
     pub(crate) fn compared(&self) -> (&[Compared], Option<Time>) {
-        (&self.smoothed.as_ref().unwrap_or(&self.track).compared, self.last_epoch)
+        (&self.smoothed.as_ref().unwrap_or(&self.comparison).compared, self.last_epoch)
     }
 
     /// A warning for each sensor that gave no sample.
@@ -223,8 +231,8 @@ impl Statistics {
         let layout = &*estimator.composition().layout;
         let (state, covariance) = (estimator.state(), estimator.covariance());
         let (truth, end) = (estimator.truth(), state.time);
-        let filtered = self.smoothed.as_ref().and(self.track.horizontal_error());
-        let track = self.smoothed.as_ref().unwrap_or(&self.track);
+        let filtered = self.smoothed.as_ref().and(self.comparison.horizontal_error());
+        let last = self.smoothed.as_ref().unwrap_or(&self.comparison);
         let mut rows = Vec::new();
         let mut states = Map::new();
         for (slot, block) in layout.blocks.iter().enumerate() {
@@ -236,7 +244,7 @@ impl Statistics {
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
-            let before = Some(&track.compared[slot]).filter(|c| c.holds_at(end));
+            let before = Some(&last.compared[slot]).filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
                     block.show_error(&state.values, &truth.state.values, &mut error);
@@ -308,14 +316,14 @@ impl Statistics {
             version: self.version.clone(),
             seed: self.seed,
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
-            distance_m: track.distance(end),
+            distance_m: last.distance(end),
             wall_s: 0.0,
             answers: verdict.answers(),
             verdict,
             samples,
             starts,
             states,
-            horizontal_error_m: track.horizontal_error(),
+            horizontal_error_m: last.horizontal_error(),
             filtered_horizontal_error_m: filtered,
             smoothing: None,
             rows,

@@ -21,6 +21,7 @@ use crate::state::covariance::{Closure, Transition, Update};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 use std::io;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Length of the records of the first segments, bytes.
@@ -308,7 +309,7 @@ impl Forward {
                 offset: ekf.offset().to_vec(),
                 course: further,
             };
-            replay(&mut self.steps, (begin.at, end.0), ekf, &mut recorder)?;
+            replay(&mut self.steps, begin.at..end.0, ekf, &mut recorder)?;
             if end.1.is_some_and(|end| end != present(ekf)) {
                 return Err(SmoothError::NotRepeatable { time: ekf.state().time });
             }
@@ -324,7 +325,7 @@ impl Forward {
                         visit(adjoint, Visit::Gated { sensor, time, square, threshold })?;
                     }
                     Kind::Update(m, w, number) => {
-                        let correction = segment.correction_of((m, w), values, columns);
+                        let correction = segment.correction_of(m, w, values, columns);
                         let square = adjoint.correct(&self.layout, &correction);
                         let (sensor, time) = segment.sources[number];
                         visit(adjoint, Visit::Sample { sensor, time, m, square })?;
@@ -349,7 +350,7 @@ impl Forward {
     ) -> Result<(), SmoothError> {
         let Some(begin) = self.checkpoints.list.first() else { return Ok(()) };
         ekf.restore(&begin.snapshot);
-        let steps = (begin.at, self.steps.end);
+        let steps = begin.at..self.steps.end;
         replay(&mut self.steps, steps, ekf, observer)
     }
 }
@@ -357,11 +358,11 @@ impl Forward {
 /// Lets the filter take the steps between two places.
 fn replay(
     steps: &mut Steps,
-    (from, to): (u64, u64),
+    span: Range<u64>,
     ekf: &mut dyn Linearised,
     observer: &mut dyn Observer,
 ) -> Result<(), SmoothError> {
-    steps.read(from, to, |_, entry| {
+    steps.read(span.start, span.end, |_, entry| {
         // a failure of the filter has been reported in the forward pass
         drop(take(ekf, &entry, observer));
         Ok(())

@@ -52,7 +52,7 @@ impl Records {
             match kind {
                 Kind::Step(pattern) => patterns[pattern].carry(values, &mut adjoint.lambda, 1),
                 Kind::Update(m, w, _) => {
-                    let correction = self.segment.correction_of((m, w), values, columns);
+                    let correction = self.segment.correction_of(m, w, values, columns);
                     adjoint.correct(layout, &correction);
                 }
                 Kind::Course => {

@@ -175,7 +175,8 @@ impl Segment {
     /// The correction of a record.
     pub(super) fn correction_of<'a>(
         &self,
-        (m, w): (usize, usize),
+        m: usize,
+        w: usize,
         values: &'a [f64],
         columns: &'a [usize],
     ) -> Correction<'a> {

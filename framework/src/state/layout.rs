@@ -1,7 +1,7 @@
 //! Layout of the blocks in one flat vector, and the state in that layout.
 
 use crate::checkpoint::saved;
-use crate::state::block::Block;
+use crate::state::block::{Block, Mode};
 use crate::state::manifold::{Manifold, Position, Rotation, Vector};
 use crate::state::transient::Pool;
 use crate::units::time::Time;
@@ -117,6 +117,15 @@ impl Layout {
         let kind = std::any::TypeId::of::<M>();
         let slot = self.blocks.iter().position(|b| b.name == name && b.operations.kind == kind)?;
         Some(Handle { slot, manifold: PhantomData })
+    }
+
+    /// For each error state, true if its block is only considered.
+    pub fn considered(&self) -> Vec<bool> {
+        let mut considered = vec![false; self.tangent];
+        for block in self.blocks.iter().filter(|b| b.spec.mode == Mode::Consider) {
+            considered[block.tangent_range()].fill(true);
+        }
+        considered
     }
 
     /// The motion of the vehicle: the first one that a process of the scenario declares. Empty if

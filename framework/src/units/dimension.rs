@@ -25,7 +25,7 @@ const fn row(
 }
 
 #[rustfmt::skip]
-pub(super) const DIMENSIONS: [Dimension; 21] = [
+pub(super) const DIMENSIONS: &[Dimension] = &[
     row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
     row([0, 0, 0, 2, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
     row([0, 0, -2, 2, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),

@@ -19,6 +19,7 @@ pub mod rhythm;
 pub mod sample;
 #[cfg(test)]
 mod tests;
+pub mod thin;
 pub mod time;
 mod unit;
 

@@ -171,7 +171,7 @@ fn a_quantity_prints_in_the_unit_it_is_usually_given_in() {
 
 #[test]
 fn every_row_of_the_dimension_table_is_of_its_dimension() {
-    for d in &dimension::DIMENSIONS {
+    for d in dimension::DIMENSIONS {
         let example = d.example.split_once(' ').map(|(_, unit)| unit);
         for unit in d.units.iter().copied().chain(example).filter(|u| !u.is_empty()) {
             assert_eq!(parse_unit(unit).unwrap().exponents(), d.exponents, "{unit}");

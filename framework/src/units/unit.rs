@@ -30,7 +30,7 @@ const TEMPERATURE: Exponents = [0, 0, 0, 0, 2];
 /// Names, SI value as a fraction, dimension, and the prefixes that the unit takes.
 pub(super) type Row = (&'static [&'static str], f64, f64, Exponents, &'static str);
 
-pub(super) const UNITS: [Row; 26] = [
+pub(super) const UNITS: &[Row] = &[
     (&["%"], 1.0, 100.0, NONE, ""),
     (&["ppm"], 1.0, 1e6, NONE, ""),
     (&["ppb"], 1.0, 1e9, NONE, ""),
@@ -196,7 +196,7 @@ impl Unit {
 /// The dimensions that have a unit of their own, in the order of their units.
 pub(super) fn dimensions() -> Vec<Exponents> {
     let mut found: Vec<Exponents> = Vec::new();
-    for row in &UNITS {
+    for row in UNITS {
         if !found.contains(&row.3) {
             found.push(row.3);
         }

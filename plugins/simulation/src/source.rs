@@ -89,7 +89,7 @@ fn streams<P: Piece>(
             shared: ideal.and_then(|ideal| ideal.reader(index)),
         };
         let end = Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX);
-        let mut stream = SensorStream::new(composition, index, (faults, injector), kind, path, end);
+        let mut stream = SensorStream::new(composition, index, faults, injector, kind, path, end);
         stream.announce(trajectory);
         streams.push(Box::new(stream));
     }
@@ -233,7 +233,8 @@ impl<P: Piece> SensorStream<P> {
     fn new(
         composition: &Composition,
         index: usize,
-        (faults, injector): (&Faults, Injector),
+        faults: &Faults,
+        injector: Injector,
         kind: Simulated,
         path: Path<P>,
         end: Time,

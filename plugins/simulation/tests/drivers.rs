@@ -296,6 +296,23 @@ fn without_coast_the_gap_ends_the_run_and_with_it_the_imu_takes_over_again() {
     assert!(imu["rejected"].as_u64().unwrap() <= 1, "{imu}");
 }
 
+/// The IMU begins at 10 s. The reference is there at 0 s, and again from 20 s on. The estimate at 39 s
+/// has 16 known states: chi-square is beyond 45 in one run of ten thousand.
+#[test]
+fn a_process_that_coasts_comes_from_a_reference_to_its_first_sample() {
+    let late = [
+        "sensor.imu.simulation.outages=[[\"0 s\", \"10 s\"]]",
+        "sensor.reference.simulation.outages=[[\"0.5 s\", \"19.5 s\"]]",
+        "estimator.stop=39 s",
+    ];
+    let (waited, _) = run(&outage(1), &settings(&late, 1));
+    assert_eq!(waited.summary.duration_s, 19.0, "from the second reference on");
+    let (finished, judge) = run(&outage(1), &settings(&[&late[..], &COAST[1..2]].concat(), 1));
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    assert_eq!((finished.summary.duration_s, judge.last), (39.0, 39.0));
+    assert!(judge.nees < 45.0, "{}", judge.nees);
+}
+
 /// A second IMU of its own rate drives a second INS; the tie holds the two together.
 fn two_imus() -> String {
     let mut text = INS.replace("[sensor.tie]", "[sensor.tie]\nsecond = true");

@@ -3,6 +3,7 @@
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour};
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::thin::{Merge, Thin};
 use navfuse_core::units::time::Time;
 use re_sdk::{AsComponents, EntityPath};
 use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
@@ -134,50 +135,41 @@ impl Series {
     }
 }
 
-/// A thinned sequence of unknown length: every `stride`-th item and the last, at most `capacity`.
+/// A thinned sequence of unknown length: every n-th item and the last.
 #[derive(Debug)]
 pub struct Thinned<T> {
-    items: Vec<T>,
-    capacity: usize,
-    stride: usize,
-    count: usize,
+    items: Thin<First<T>>,
     last: Option<T>,
 }
 
+/// The first of the items that a row represents.
+#[derive(Debug)]
+struct First<T>(T);
+
+impl<T> Merge for First<T> {
+    fn merge(&mut self, _: Self) {}
+}
+
 impl<T: Copy> Thinned<T> {
-    /// Creates a sequence that keeps at most `capacity` items.
+    /// Creates a sequence that keeps at most `capacity` items and the last.
     pub fn new(capacity: usize) -> Self {
-        Self { items: Vec::new(), capacity, stride: 1, count: 0, last: None }
+        Self { items: Thin::with_rows(capacity), last: None }
     }
 
-    /// Adds an item; at full capacity every second item is removed.
+    /// Adds an item.
     pub fn push(&mut self, item: T) {
-        self.last = None;
-        if self.count.is_multiple_of(self.stride) {
-            self.items.push(item);
-        } else {
-            self.last = Some(item);
-        }
-        self.count += 1;
-        if self.items.len() == self.capacity {
-            let mut k = 0;
-            self.items.retain(|_| {
-                k += 1;
-                k % 2 == 1
-            });
-            self.stride *= 2;
-            self.last = Some(item);
-        }
+        self.items.push(First(item));
+        self.last = Some(item).filter(|_| self.items.last() > 1);
     }
 
     /// The items that remain, in order.
     pub fn iter(&self) -> impl Iterator<Item = T> + '_ {
-        self.items.iter().copied().chain(self.last)
+        self.items.rows().iter().map(|first| first.0).chain(self.last)
     }
 
     /// The number of items that remain.
     pub fn len(&self) -> usize {
-        self.items.len() + usize::from(self.last.is_some())
+        self.items.rows().len() + usize::from(self.last.is_some())
     }
 }
 

@@ -1,10 +1,8 @@
 //! Rows of a series over a whole run in bounded memory, thinned so that extremes stay.
 
 use navfuse_core::units::rhythm::Rhythm;
+use navfuse_core::units::thin::{Merge, ROWS, Thin};
 use navfuse_core::units::time::Time;
-
-/// Largest number of rows of a thinned series: about the width of a plot in pixels.
-const CAPACITY: usize = 1024;
 
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,12 +27,8 @@ impl Gaps {
 /// so it keeps the extremes of the run.
 #[derive(Debug)]
 pub struct History<const N: usize> {
-    rows: Vec<Row<N>>,
+    stretches: Thin<Stretch<N>>,
     keys: &'static [usize],
-    full: bool,
-    /// Number of rows in a stretch.
-    each: usize,
-    stretch: Vec<Row<N>>,
     first: Option<Row<N>>,
     last: Option<Row<N>>,
     breaks: Vec<i64>,
@@ -43,15 +37,29 @@ pub struct History<const N: usize> {
 /// Time, ns, and values.
 pub type Row<const N: usize> = (i64, [f64; N]);
 
+/// The rows that are kept of a stretch.
+#[derive(Debug)]
+struct Stretch<const N: usize> {
+    rows: Vec<Row<N>>,
+    keys: &'static [usize],
+}
+
+impl<const N: usize> Merge for Stretch<N> {
+    fn merge(&mut self, next: Self) {
+        self.rows.extend(next.rows);
+        let rows = std::mem::take(&mut self.rows);
+        extremes(&rows, self.keys, &mut self.rows);
+    }
+}
+
 impl<const N: usize> History<N> {
     /// An empty history; `keys` are the columns whose extremes stay.
     pub fn new(keys: &'static [usize], full: bool) -> Self {
+        // a stretch keeps two rows for each key
+        let stretches = if full { usize::MAX } else { ROWS / (2 * keys.len()) };
         Self {
-            rows: Vec::new(),
+            stretches: Thin::with_rows(stretches),
             keys,
-            full,
-            each: 1,
-            stretch: Vec::new(),
             first: None,
             last: None,
             breaks: Vec::new(),
@@ -63,31 +71,12 @@ impl<const N: usize> History<N> {
         let row = (time, values);
         self.first.get_or_insert(row);
         self.last = Some(row);
-        if self.full {
-            self.rows.push(row);
-            return;
-        }
-        self.stretch.push(row);
-        if self.stretch.len() >= self.each {
-            extremes(&self.stretch, self.keys, &mut self.rows);
-            self.stretch.clear();
-            if self.rows.len() >= CAPACITY {
-                self.thin();
-            }
-        }
+        self.stretches.push(Stretch { rows: vec![row], keys: self.keys });
     }
 
     /// Breaks the line before a time.
     pub fn break_at(&mut self, time: i64) {
         self.breaks.push(time);
-    }
-
-    /// Keeps the extremes of stretches twice as long.
-    fn thin(&mut self) {
-        let group = 4 * self.keys.len();
-        let rows = std::mem::take(&mut self.rows);
-        rows.chunks(group).for_each(|rows| extremes(rows, self.keys, &mut self.rows));
-        self.each = (2 * self.each).max(group);
     }
 
     /// Set before the first row.
@@ -100,10 +89,8 @@ impl<const N: usize> History<N> {
         if self.is_empty() {
             return Vec::new();
         }
-        let mut rows: Vec<Row<N>> = self.first.iter().chain(&self.rows).copied().collect();
-        if !self.full {
-            extremes(&self.stretch, self.keys, &mut rows);
-        }
+        let stretches = self.stretches.rows().iter().flat_map(|stretch| &stretch.rows);
+        let mut rows: Vec<Row<N>> = self.first.iter().chain(stretches).copied().collect();
         rows.extend(self.last);
         rows.extend(self.breaks.iter().map(|time| (time - 1, [f64::NAN; N])));
         rows.sort_by_key(|row| row.0);
@@ -167,7 +154,7 @@ mod tests {
     fn a_thinned_history_keeps_both_ends_and_the_extremes_in_bounded_rows() {
         let history = wave(100_000);
         let rows = history.rows();
-        assert!((CAPACITY / 4..=CAPACITY + 10).contains(&rows.len()), "{}", rows.len());
+        assert!((ROWS / 4..=ROWS + 2).contains(&rows.len()), "{}", rows.len());
         assert_eq!((rows[0].0, rows[rows.len() - 1].0), (0, 99_999));
         assert!(rows.iter().any(|r| r.0 == 12_345) && rows.iter().any(|r| r.0 == 54_321));
         assert!(rows.windows(2).all(|w| w[0].0 < w[1].0), "in order of time, each once");

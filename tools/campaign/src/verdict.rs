@@ -86,7 +86,7 @@ fn dimension(columns: &Columns, of: usize) -> usize {
 
 /// Returns the summed NEES of all runs. Each run's NEES is chi-square with `dimension` degrees of
 /// freedom, so the sum has the variance `2 dimension runs`.
-fn nees(columns: &Columns, of: usize, (mean, runs): (f64, usize)) -> SquaredSum {
+fn nees(columns: &Columns, of: usize, mean: f64, runs: usize) -> SquaredSum {
     let count = runs as f64;
     let expectation = dimension(columns, of) as f64 * count;
     SquaredSum { sum: mean * count, expectation, variance: 2.0 * expectation, count }
@@ -114,7 +114,7 @@ impl Test {
         let (once, often) =
             (0.5 * FALSE_ALARM / tests as f64, 0.5 * FALSE_ALARM / (tests * count) as f64);
         let at = |epoch: &EpochStatistics| match self {
-            Self::Nees(of) => epoch.anees(of).map(|mean| nees(columns, of, mean)),
+            Self::Nees(of) => epoch.anees(of).map(|(mean, runs)| nees(columns, of, mean, runs)),
             Self::Nis(sensor) => nis(&epoch.nis(sensor)),
         };
         let whole = match self {

@@ -252,7 +252,8 @@ fn pairs(times: &[f64]) -> Vec<usize> {
 /// Finds the offset by the samples of some pairs, between two offsets.
 fn fit(
     imu: &Inertial,
-    (measured, levelled): (&Measured, &[[f64; 3]]),
+    measured: &Measured,
+    levelled: &[[f64; 3]],
     pairs: &[usize],
     range: [f64; 2],
 ) -> Option<Fit> {
@@ -308,9 +309,9 @@ fn fit(
 pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
     let times = measured.times();
     let pairs = pairs(&times);
-    let first = fit(imu, (measured, &measured.levelled(imu, 0.0)), &pairs, [-LARGEST, LARGEST])?;
+    let first = fit(imu, measured, &measured.levelled(imu, 0.0), &pairs, [-LARGEST, LARGEST])?;
     let levelled = measured.levelled(imu, first.offset);
-    let all = fit(imu, (measured, &levelled), &pairs, [-LARGEST, LARGEST])?;
+    let all = fit(imu, measured, &levelled, &pairs, [-LARGEST, LARGEST])?;
     let (first, last) = (*times.first()?, *times.last()?);
     let count = (((last - first) / BLOCK) as usize).min(BLOCKS);
     let length = (last - first) / count.max(1) as f64;
@@ -321,7 +322,7 @@ pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
         let some: Vec<usize> = pairs.iter().filter(within).copied().collect();
         // a drift of a percent would move the offset by more than this
         let range = [all.offset - 2.0, all.offset + 2.0];
-        if let Some(one) = fit(imu, (measured, &levelled), &some, range) {
+        if let Some(one) = fit(imu, measured, &levelled, &some, range) {
             blocks.push((from + 0.5 * (length - (last - first)) - first, one));
         }
     }

@@ -1,7 +1,6 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
-use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Derived, Event, Level};
@@ -9,6 +8,7 @@ use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
+use navfuse_core::units::thin::{Merge, Thin};
 use navfuse_core::units::time::Time;
 
 /// Largest number of recorded events of each level.
@@ -230,8 +230,11 @@ impl RunHistory {
     /// present.
     pub(crate) fn update(
         &mut self,
-        (sensor, time, fate): (usize, Time, Fate<'_>),
-        (nis, threshold): (f64, f64),
+        sensor: usize,
+        time: Time,
+        fate: Fate<'_>,
+        nis: f64,
+        threshold: f64,
         channels: impl Iterator<Item = (usize, f64, f64)>,
     ) {
         let Some(sensor) = self.sensors.get_mut(sensor) else { return };

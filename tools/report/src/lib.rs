@@ -15,10 +15,9 @@ pub mod plots;
 mod results;
 mod sensors;
 mod sink;
-mod thin;
 
 pub use history::{BlockHistory, Row, RunHistory, Travelled};
 pub use log::read_log;
+pub use navfuse_core::units::thin::{Merge, ROWS, Thin};
 pub use sensors::{Consistency, Envelope, Innovation, SensorHistory, Updates};
 pub use sink::Recorder;
-pub use thin::{Merge, ROWS, Thin};

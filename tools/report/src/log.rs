@@ -98,5 +98,6 @@ fn innovation(history: &mut RunHistory, update: &InnovationEntry<'_>) {
     let channels = of.filter_map(|((name, z), sigma)| {
         Some((columns.iter().position(|c| c == name)?, *z, *sigma))
     });
-    history.update((index, update.time, fate), (update.nis, update.threshold), channels);
+    let (nis, threshold) = (update.nis, update.threshold);
+    history.update(index, update.time, fate, nis, threshold, channels);
 }

@@ -1,8 +1,8 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
-use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::sensor::Purpose;
+use navfuse_core::units::thin::{Merge, Thin};
 
 /// History of a sensor.
 #[derive(Clone, Debug, Default, PartialEq)]

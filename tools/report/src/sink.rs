@@ -132,8 +132,11 @@ impl Recorder {
             }
         };
         self.history.update(
-            (sensor, update.time, fate),
-            (update.nis, update.threshold),
+            sensor,
+            update.time,
+            fate,
+            update.nis,
+            update.threshold,
             update.channels(),
         );
         Ok(())

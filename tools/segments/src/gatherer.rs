@@ -8,6 +8,7 @@ use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::session::Finished;
 use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::thin::{Merge, Thin};
 use navfuse_core::units::time::Time;
 use navfuse_ins::Output;
 
@@ -135,23 +136,20 @@ pub(crate) fn dropped_samples(
     })
 }
 
-/// Samples of one sensor.
+/// Samples of one sensor: those of an IMU are joined, and of another sensor each n-th one is kept.
 struct Kept {
-    samples: Vec<Sample>,
-    /// Output of an IMU, whose samples are joined.
+    samples: Thin<Joined>,
+    /// Output of an IMU.
     joined: Option<Output>,
-    limit: usize,
-    /// Number of samples that become one.
-    each: usize,
-    /// Samples that become the next one: the joined sample or the first of them, and their number.
-    open: Option<(Sample, usize)>,
+    /// Time of the last sample.
+    last: Option<Time>,
     /// Number of samples that were not finite.
     dropped: usize,
 }
 
 impl Kept {
     fn new(joined: Option<Output>, limit: usize) -> Self {
-        Self { samples: Vec::new(), joined, limit, each: 1, open: None, dropped: 0 }
+        Self { samples: Thin::with_rows(limit), joined, last: None, dropped: 0 }
     }
 
     fn push(&mut self, sample: &Sample) {
@@ -162,61 +160,44 @@ impl Kept {
         if self.joined.is_some() && sample.array::<CHANNELS>(0).is_none() {
             return;
         }
-        let open = match (self.open.take(), self.joined) {
-            (None, _) => (*sample, 1),
-            (Some((first, count)), None) => (first, count + 1),
-            (Some((open, count)), Some(output)) => {
-                let before = self.samples.last().map(|s| s.time);
-                (join(output, before, &open, sample), count + 1)
-            }
-        };
-        if open.1 < self.each {
-            self.open = Some(open);
-            return;
-        }
-        self.samples.push(open.0);
-        if self.samples.len() >= self.limit {
-            self.halve();
-        }
+        let before = self.last.replace(sample.time);
+        self.samples.push(Joined { sample: *sample, before, output: self.joined });
     }
 
-    /// Joins the samples by twos, or keeps each second one.
-    fn halve(&mut self) {
-        let half = self.samples.len() / 2;
-        for k in 0..half {
-            let [a, b] = [self.samples[2 * k], self.samples[2 * k + 1]];
-            let before = k.checked_sub(1).map(|before| self.samples[before].time);
-            self.samples[k] = self.joined.map_or(a, |output| join(output, before, &a, &b));
-        }
-        self.samples.truncate(half);
-        self.each *= 2;
-    }
-
-    fn finish(mut self) -> Vec<Sample> {
-        self.samples.extend(self.open.map(|(sample, _)| sample));
-        self.samples
+    fn finish(self) -> Vec<Sample> {
+        self.samples.into_rows().into_iter().map(|joined| joined.sample).collect()
     }
 }
 
-/// One sample over the intervals of two consecutive ones; `before` is the time of the sample before
-/// them.
-fn join(output: Output, before: Option<Time>, a: &Sample, b: &Sample) -> Sample {
-    let second = b.time.since(a.time);
-    let first = before.map_or(second, |before| a.time.since(before));
-    let [wa, wb] = match output {
-        Output::Rates if first + second > 0.0 => {
-            [first / (first + second), second / (first + second)]
-        }
-        Output::Rates => [0.5; 2],
-        Output::Increments => [1.0; 2],
-    };
-    let mut joined = Sample::empty(b.time, b.sensor);
-    for k in 0..CHANNELS {
-        if let Some((x, y)) = a.get(k).zip(b.get(k)) {
-            joined.set(k, wa * x + wb * y);
+/// A sample that may stand for several.
+struct Joined {
+    sample: Sample,
+    /// Time of the sample before the first of them.
+    before: Option<Time>,
+    /// Output of an IMU; `None` for a sensor whose first sample stands for all.
+    output: Option<Output>,
+}
+
+impl Merge for Joined {
+    /// Joins two samples to one over the intervals of both.
+    fn merge(&mut self, next: Self) {
+        let (Some(output), a, b) = (self.output, self.sample, next.sample) else { return };
+        let second = b.time.since(a.time);
+        let first = self.before.map_or(second, |before| a.time.since(before));
+        let [wa, wb] = match output {
+            Output::Rates if first + second > 0.0 => {
+                [first / (first + second), second / (first + second)]
+            }
+            Output::Rates => [0.5; 2],
+            Output::Increments => [1.0; 2],
+        };
+        self.sample = Sample::empty(b.time, b.sensor);
+        for k in 0..CHANNELS {
+            if let Some((x, y)) = a.get(k).zip(b.get(k)) {
+                self.sample.set(k, wa * x + wb * y);
+            }
         }
     }
-    joined
 }
 
 impl Sink for Gatherer {
@@ -247,7 +228,7 @@ mod tests {
         let mut kept = Kept::new(joined, LIMIT);
         for k in 0..count {
             kept.push(&sample(k, k as f64));
-            assert!(kept.samples.len() < LIMIT);
+            assert!(kept.samples.rows().len() <= LIMIT);
         }
         kept.finish()
     }

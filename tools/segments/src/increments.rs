@@ -28,7 +28,8 @@ impl Increments {
         velocity: &BodyVelocity,
         segment: &Segment,
         force: &Vector3<f64>,
-        (y, ydot): (&Vector3<f64>, &Vector3<f64>),
+        y: &Vector3<f64>,
+        ydot: &Vector3<f64>,
     ) -> Self {
         let mut out = Self::default();
         let imu = &recording.imu.samples;
@@ -59,6 +60,6 @@ impl Increments {
     ) -> Option<Self> {
         let (_, first) = recording.imu.samples.samples(segment.from, segment.to).next()?;
         let (_, y) = velocity.samples.samples(segment.from, segment.to).next()?;
-        Some(Self::new(recording, velocity, segment, &first.force, (y, &Vector3::zeros())))
+        Some(Self::new(recording, velocity, segment, &first.force, y, &Vector3::zeros()))
     }
 }

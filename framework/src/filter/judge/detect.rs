@@ -69,7 +69,7 @@ impl Ekf {
     pub(in crate::filter) fn watch_input(&mut self, input: Input<'_>, observer: &mut dyn Observer) {
         let Self { stepper, layout, parts, .. } = self;
         let Parts { estimate, propagation, watch, signatures, sensors, .. } = parts;
-        let input = propagation.corrected(stepper, (layout, &estimate.state), input);
+        let input = propagation.corrected(stepper, layout, &estimate.state, input);
         let Some(finding) = watch.input(layout, estimate, &input) else { return };
         // what such samples do to the state is none of the errors that the tests look for
         if (finding.basis, finding.severity) == (Basis::Samples, Severity::DoNotUse) {

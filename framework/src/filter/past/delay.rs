@@ -286,7 +286,8 @@ impl RecentStates {
         &mut self,
         model: &dyn AnyMeasurement,
         offset: Handle<Scalar>,
-        (layout, state): (&Layout, &State),
+        layout: &Layout,
+        state: &State,
         sample: &Sample,
         update: &mut Update,
     ) -> bool {

@@ -31,9 +31,7 @@ impl Ekf {
             guide.carry(offset, &clones.transition);
             observer.corrected(&offset.d);
         }
-        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            clones.transition.carry_reach(&mut slot.reach);
-        }
+        clones.transition.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
     }
 
     /// Gives every past block the value of its source when the filter begins; it is no frame of a

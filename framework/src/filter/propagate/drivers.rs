@@ -17,9 +17,30 @@ use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
 impl Ekf {
+    /// Uses a measurement at its own time: now, or once the driving sensor has reached it. Where no
+    /// sensor drives, time goes on to the measurement.
+    pub(in crate::filter) fn use_at_its_time(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        if self.driver.is_none() {
+            if self.parts.start.is_due(sample.time) {
+                self.initialise(sample.time, false, observer);
+            }
+            self.advance(sample.time, None, observer)?;
+            return self.use_sample(sample, observer);
+        }
+        if self.parts.pace.input().is_some_and(|input| sample.time <= input) {
+            return self.use_sample(sample, observer);
+        }
+        self.wait(sample, observer);
+        self.coast_on(sample.time, observer)
+    }
+
     /// Queues a measurement until the driving sensor reaches its time. Samples of different sensors
     /// may arrive in any order.
-    pub(in crate::filter) fn wait(&mut self, sample: &Sample, observer: &mut dyn Observer) {
+    fn wait(&mut self, sample: &Sample, observer: &mut dyn Observer) {
         // a running filter is compared with a reference after all other samples of the same time
         let (sensors, running) = (&self.composition.sensors, self.running());
         let last = |s: &Sample| running && matches!(sensors[s.sensor.0].role, Role::Reference(_));
@@ -29,31 +50,54 @@ impl Ekf {
     }
 
     /// Shows a driving sample to the processes before the start, and starts where it is due.
-    pub(in crate::filter) fn prepare(&mut self, input: Input<'_>, observer: &mut dyn Observer) {
+    pub(in crate::filter) fn prepare(
+        &mut self,
+        input: Input<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
         let Self { layout, stepper, parts, .. } = self;
         let Parts { propagation, estimate, pace, start, .. } = parts;
-        propagation.prepare(stepper, (layout, &mut estimate.state), input);
-        let time = input.sample.time;
-        let due = start.is_due(time);
-        // the motion before the first driving sample is unknown, and samples before the start are
-        // unused
-        if due || pace.input().is_none() {
-            pace.forget_before(time);
-        }
-        if due {
+        propagation.prepare(stepper, layout, &mut estimate.state, input);
+        let (time, first) = (input.sample.time, pace.input().is_none());
+        if start.is_due(time) {
+            pace.forget_before(time); // samples before the start are unused
             self.initialise(time, false, observer);
+        } else if first && self.coasts_after().is_some() {
+            // a process that coasts comes from a reference to its first driving sample
+            self.use_waiting(..time, None, observer)?;
+            self.advance(time, None, observer)?;
+        } else if first {
+            self.parts.pace.forget_before(time); // the motion before the first driving sample is unknown
         }
+        Ok(())
+    }
+
+    /// Brings the filter to the begin of a driving sample: the process coasts over a longer gap than
+    /// it bridges. Returns `None` for a sample that time went on without.
+    pub(in crate::filter) fn reach_begin<'a>(
+        &mut self,
+        input: Input<'a>,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Input<'a>>, EstimatorError> {
+        let Input { sample, duration, usual, .. } = input;
+        if self.running() && sample.time <= self.state().time && duration > usual {
+            self.reject(sample, Rejection::Late, observer);
+            return Ok(None);
+        }
+        if self.running() && self.coasts_after().is_some_and(|gap| duration > gap) {
+            self.coast_to(&input, observer)?;
+            return Ok(Some(Input { duration: usual, ..input }));
+        }
+        if usual < duration {
+            self.report_missing(&input, observer);
+        }
+        Ok(Some(input))
     }
 
     /// Warns once that samples of the driving sensor are missing; [`Self::finish`] gives their
     /// number.
-    pub(in crate::filter) fn report_missing(
-        &self,
-        sample: &Sample,
-        duration: f64,
-        usual: f64,
-        observer: &mut dyn Observer,
-    ) {
+    fn report_missing(&self, input: &Input<'_>, observer: &mut dyn Observer) {
+        let Input { sample, duration, usual, .. } = *input;
         if self.parts.pace.missing().0 == 1 {
             let about = self.composition.sensors[sample.sensor.0].info.name.clone();
             let text = format!(
@@ -71,8 +115,8 @@ impl Ekf {
             return;
         }
         let Self { layout, stepper, parts, .. } = self;
-        let at = (&**layout, &mut parts.estimate.state, running);
-        if parts.propagation.hold(stepper, at, sample) {
+        let Parts { propagation, estimate, .. } = parts;
+        if propagation.hold(stepper, layout, &mut estimate.state, running, sample) {
             observer.input(sample, None);
         }
     }
@@ -81,50 +125,33 @@ impl Ekf {
     /// on longer ones.
     fn coasts_after(&self) -> Option<f64> {
         let first = self.composition.processes.iter().find(|p| p.input.is_some())?;
-        first.coasts_after.filter(|_| self.running())
+        first.coasts_after
     }
 
     /// Lets time go on with the measurements while the first driving sensor is silent. `now` is the
     /// time of the latest measurement: an earlier sample of the driving sensor would be there.
-    pub(in crate::filter) fn coast_on(
-        &mut self,
-        now: Time,
-        observer: &mut dyn Observer,
-    ) -> Result<(), EstimatorError> {
-        let Some((gap, input)) = self.coasts_after().zip(self.parts.pace.input()) else {
-            return Ok(());
-        };
-        if now.since(input) <= gap {
-            return Ok(());
+    fn coast_on(&mut self, now: Time, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        match self.coasts_after().zip(self.parts.pace.input()) {
+            Some((gap, input)) if self.running() && now.since(input) > gap => {
+                self.use_waiting(..now, None, observer)
+            }
+            _ => Ok(()),
         }
-        while let Some(waiting) = self.parts.pace.next_before(now) {
-            self.advance(waiting.time, None, observer)?;
-            self.use_sample(&waiting, observer)?;
-        }
-        Ok(())
     }
 
-    /// Coasts over the gap before a sample that covers `usual` seconds, if the gap is longer than
-    /// the process bridges; returns the time at which the sample begins.
-    pub(in crate::filter) fn coast_to(
+    /// Coasts over the gap before a driving sample, to the time at which the sample begins.
+    fn coast_to(
         &mut self,
-        sample: &Sample,
-        duration: f64,
-        usual: f64,
+        input: &Input<'_>,
         observer: &mut dyn Observer,
-    ) -> Result<Option<Time>, EstimatorError> {
-        if self.coasts_after().is_none_or(|gap| duration <= gap) {
-            return Ok(None);
-        }
+    ) -> Result<(), EstimatorError> {
+        let Input { sample, duration, usual, .. } = *input;
         let begin = sample.time - Span::from_seconds(usual).unwrap_or_default();
-        while let Some(waiting) = self.parts.pace.next_until(begin) {
-            self.advance(waiting.time, None, observer)?;
-            self.use_sample(&waiting, observer)?;
-        }
+        self.use_waiting(..=begin, None, observer)?;
         self.advance(begin, None, observer)?;
         let about = self.composition.sensors[sample.sensor.0].info.name.clone();
         let text = format!("{duration:.3} s without a sample: the process coasted");
         observer.event(Event { time: sample.time, level: Level::Warning, about, text });
-        Ok(Some(begin))
+        Ok(())
     }
 }

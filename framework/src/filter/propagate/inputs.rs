@@ -40,7 +40,8 @@ impl Corrected {
 /// correction.
 pub(super) fn correct(
     corrected: &mut [Corrected],
-    (layout, state): (&Layout, &State),
+    layout: &Layout,
+    state: &State,
     input: Option<&Input<'_>>,
     held: &[Held],
 ) {

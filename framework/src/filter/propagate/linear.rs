@@ -29,7 +29,7 @@ impl Linear<'_> {
     ) -> Result<(), EstimatorError> {
         let Self { composition, held, corrected, dynamics, transition } = self;
         let layout = &composition.layout;
-        correct(corrected, (layout, state), given.input.as_ref(), held);
+        correct(corrected, layout, state, given.input.as_ref(), held);
         let input = given.input.map(|input| replace(corrected, input));
         let interval = Interval { input, ..*given };
         for (k, process) in processes.iter_mut().enumerate() {

@@ -2,9 +2,12 @@
 
 use super::cadence::Cadence;
 use crate::checkpoint::saved;
+use crate::model::process::Input;
+use crate::model::process::screening::Spread;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::collections::VecDeque;
+use std::ops::RangeBounds;
 
 /// Largest number of measurements that wait for the driving sensor.
 pub(in crate::filter) const MAX_PENDING: usize = 1024;
@@ -37,10 +40,14 @@ impl Pace {
         self.input = Some(sample.time);
     }
 
-    /// Time since the last driving sample, s, and the time that this one covers.
-    pub(in crate::filter) fn intervals(&mut self, sample: &Sample) -> (f64, f64) {
+    /// A driving sample as an input, with the time since the last one and the time that it covers.
+    pub(in crate::filter) fn input_of<'a>(
+        &mut self,
+        sample: &'a Sample,
+        spread: Option<&'a Spread>,
+    ) -> Input<'a> {
         let duration = self.input.map_or(0.0, |before| sample.time.since(before));
-        (duration, self.cadence.usual(duration))
+        Input { sample, duration, usual: self.cadence.usual(duration), spread }
     }
 
     /// Number of intervals with missing samples, and the longest of them, s.
@@ -63,23 +70,13 @@ impl Pace {
         oldest
     }
 
-    /// Removes the next measurement up to a time.
-    pub(in crate::filter) fn next_until(&mut self, time: Time) -> Option<Sample> {
-        self.next_if(|waiting| waiting.time <= time)
-    }
-
-    /// Removes the next measurement before a time.
-    pub(in crate::filter) fn next_before(&mut self, time: Time) -> Option<Sample> {
-        self.next_if(|waiting| waiting.time < time)
-    }
-
-    /// Removes the next measurement, whatever its time.
-    pub(in crate::filter) fn next(&mut self) -> Option<Sample> {
-        self.waiting.pop_front()
-    }
-
-    fn next_if(&mut self, due: impl FnOnce(&Sample) -> bool) -> Option<Sample> {
-        if self.waiting.front().is_some_and(due) { self.waiting.pop_front() } else { None }
+    /// Removes the next measurement, if it is within a span of time.
+    pub(in crate::filter) fn next_within(
+        &mut self,
+        span: &impl RangeBounds<Time>,
+    ) -> Option<Sample> {
+        let due = self.waiting.front().is_some_and(|waiting| span.contains(&waiting.time));
+        if due { self.waiting.pop_front() } else { None }
     }
 
     /// Forgets the measurements before a time.

@@ -71,7 +71,8 @@ impl Propagation {
     pub(in crate::filter) fn step(
         &mut self,
         stepper: &mut Stepper,
-        (composition, considered): (&Composition, &[bool]),
+        composition: &Composition,
+        considered: &[bool],
         estimate: &mut Estimate,
         interval: &Interval<'_>,
     ) -> Result<bool, EstimatorError> {
@@ -115,10 +116,11 @@ impl Propagation {
     pub(in crate::filter) fn corrected<'a>(
         &self,
         stepper: &'a mut Stepper,
-        at: (&Layout, &State),
+        layout: &Layout,
+        state: &State,
         input: Input<'a>,
     ) -> Input<'a> {
-        correct(&mut stepper.corrected, at, Some(&input), &self.held);
+        correct(&mut stepper.corrected, layout, state, Some(&input), &self.held);
         replace(&stepper.corrected, input)
     }
 
@@ -126,10 +128,11 @@ impl Propagation {
     pub(in crate::filter) fn prepare(
         &mut self,
         stepper: &mut Stepper,
-        (layout, state): (&Layout, &mut State),
+        layout: &Layout,
+        state: &mut State,
         input: Input<'_>,
     ) {
-        let input = self.corrected(stepper, (layout, state), input);
+        let input = self.corrected(stepper, layout, state, input);
         let Self { processes, held, .. } = self;
         let others = |process: usize| held.iter().any(|held| held.drives(process));
         for (_, process) in processes.iter_mut().enumerate().filter(|(k, _)| !others(*k)) {
@@ -142,13 +145,15 @@ impl Propagation {
     pub(in crate::filter) fn hold(
         &mut self,
         stepper: &mut Stepper,
-        (layout, state, running): (&Layout, &mut State, bool),
+        layout: &Layout,
+        state: &mut State,
+        running: bool,
         sample: &Sample,
     ) -> bool {
         let Some(k) = self.held.iter().position(|held| held.is_of(sample)) else { return false };
         self.held[k].take(sample);
         if !running {
-            correct(&mut stepper.corrected, (layout, state), None, &self.held);
+            correct(&mut stepper.corrected, layout, state, None, &self.held);
             if let Some(input) = self.held[k].input() {
                 let input = replace(&stepper.corrected, input);
                 self.processes[self.held[k].process()].prepare(layout, state, &input);

@@ -32,6 +32,14 @@ pub(in crate::filter) struct Counts {
     samples: u64,
 }
 
+/// The driving sensor, about which the screening reports.
+#[derive(Clone, Copy)]
+pub(in crate::filter) struct Driver<'a> {
+    pub(in crate::filter) info: &'a SensorInfo,
+    /// True until the filter begins: a fault then costs it nothing.
+    pub(in crate::filter) waits: bool,
+}
+
 impl Screening {
     /// Screening of the driving sensor; none for a simulated sensor without noise, whose channels
     /// repeat themselves without a fault.
@@ -48,13 +56,13 @@ impl Screening {
     pub(in crate::filter) fn take(
         &mut self,
         sample: &Sample,
-        about: (&SensorInfo, bool),
+        driver: Driver<'_>,
         observer: &mut dyn Observer,
     ) -> bool {
         let Some(screen) = &mut self.0 else { return true };
         let passes = screen.take(sample);
         if let Some(news) = screen.news.take() {
-            report(news, screen.spikes == 1, about, observer);
+            report(news, screen.spikes == 1, driver, observer);
         }
         passes
     }
@@ -72,14 +80,14 @@ impl Screening {
     /// Ends the screening, and returns its counts. [`Self::next`] has the samples that it held.
     pub(in crate::filter) fn finish(
         &mut self,
-        about: (&SensorInfo, bool),
+        driver: Driver<'_>,
         observer: &mut dyn Observer,
     ) -> Option<Counts> {
         let screen = self.0.as_mut()?;
         screen.finish();
         let counts = Counts { spikes: screen.spikes, samples: screen.samples() };
         if let Some(news) = screen.news.take() {
-            report(news, screen.spikes == 1, about, observer);
+            report(news, screen.spikes == 1, driver, observer);
         }
         Some(counts)
     }
@@ -112,14 +120,9 @@ impl Counts {
     }
 }
 
-/// Reports what the screening has observed about a sensor, and whether the filter waits for its
-/// start.
-fn report(
-    news: News,
-    first_spike: bool,
-    (info, waits): (&SensorInfo, bool),
-    observer: &mut dyn Observer,
-) {
+/// Reports what the screening has observed about the driving sensor.
+fn report(news: News, first_spike: bool, driver: Driver<'_>, observer: &mut dyn Observer) {
+    let Driver { info, waits } = driver;
     let about = info.name.clone();
     match news {
         News::Spike { time, channel, jump, samples } => {
@@ -131,12 +134,12 @@ fn report(
             observer.event(Event { time, level, about, text });
         }
         News::Skipped(Skipped { fault, channels, from, to }) => {
-            let text = evidence(info, fault, channels, (from, to), Use::Skipped);
+            let text = evidence(info, fault, channels, from, to, Use::Skipped);
             observer.event(Event { time: to, level: Level::Warning, about, text });
         }
         News::Bridge { fault, channels, from, to, too_long, first } => {
             let of = if too_long { Use::TooLong } else { Use::Bridged };
-            let text = evidence(info, fault, channels, (from, to), of);
+            let text = evidence(info, fault, channels, from, to, of);
             // before the filter begins, a fault costs it nothing
             if !first || waits {
                 let level = if first { Level::Warning } else { Level::Info };
@@ -168,7 +171,8 @@ fn evidence(
     info: &SensorInfo,
     fault: Fault,
     channels: u16,
-    (from, to): (Time, Time),
+    from: Time,
+    to: Time,
     of: Use,
 ) -> String {
     let duration = to.since(from);
@@ -230,8 +234,8 @@ mod tests {
             purpose: Purpose::Input,
             mounting: Mounting::default(),
         };
-        let span = (Time::default(), Time::from_nanos(500_000_000));
-        let of = |channels| evidence(&info, Fault::Range, channels, span, Use::Bridged);
+        let (from, to) = (Time::default(), Time::from_nanos(500_000_000));
+        let of = |channels| evidence(&info, Fault::Range, channels, from, to, Use::Bridged);
         assert!(
             of(0b101).starts_with("a, c beyond the plausible range for 0.50 s"),
             "{}",

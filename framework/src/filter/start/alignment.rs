@@ -81,6 +81,17 @@ impl Ekf {
         tried
     }
 
+    /// Shows a driving sample to a search that began within its interval: the first one that the
+    /// search sees.
+    pub(in crate::filter) fn search_within(
+        &mut self,
+        sample: &Sample,
+    ) -> Result<(), EstimatorError> {
+        let before = self.parts.pace.input().unwrap_or(Time::MIN);
+        self.parts.sensors[sample.sensor.0].last = before;
+        self.search(sample)
+    }
+
     /// Begins to run with the initial values that a search has found.
     pub(in crate::filter) fn begin_found(&mut self, observer: &mut dyn Observer) {
         self.begin(observer);

@@ -1,4 +1,4 @@
 //! Blocks that come and go.
 
-pub(super) mod presence;
+pub(super) mod seen;
 pub(super) mod transient;

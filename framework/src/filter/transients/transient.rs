@@ -36,13 +36,13 @@ impl Ekf {
         model: &dyn AnyMeasurement,
         observer: &mut dyn Observer,
     ) -> Option<usize> {
-        let Parts { estimate, presence, sensors, .. } = &self.parts;
+        let Parts { estimate, transients, sensors, .. } = &self.parts;
         if self.layout.labels == 0 || sensors[sample.sensor.0].isolation().is_some() {
             return None;
         }
         let mut changes = std::mem::take(&mut self.changes);
         changes.clear();
-        let (layout, state, seen) = (&*self.layout, &estimate.state, presence.seen());
+        let (layout, state, seen) = (&*self.layout, &estimate.state, transients.seen());
         let at = At { layout, state, sample };
         let mut roster = Roster { layout, state, seen, changes: &mut changes };
         model.admit(&at, &mut roster);
@@ -69,14 +69,14 @@ impl Ekf {
 
     /// Gives a free block its label, its value and its truth.
     fn occupy(&mut self, pool: usize, label: u32, value: &[f64]) -> Option<usize> {
-        let Parts { estimate, presence, truth, .. } = &mut self.parts;
+        let Parts { estimate, transients, truth, .. } = &mut self.parts;
         let (pool, state) = (&self.layout.pools[pool], &mut estimate.state);
         let free = pool.labels(state).iter().position(Option::is_none)?;
         let slot = pool.slots.start + free;
         let range = self.layout.blocks[slot].range();
         state.labels[pool.first + free] = Some(label);
         state.values[range.clone()].copy_from_slice(&value[..range.len()]);
-        presence.occupy(pool.first + free, state.time);
+        transients.occupy(pool.first + free, state.time);
         truth.occupy(&self.layout, slot, pool.truth(label));
         Some(slot)
     }
@@ -118,9 +118,7 @@ impl Ekf {
         let Parts { estimate, sensors, .. } = &mut self.parts;
         change.propagate(&mut estimate.covariance);
         observer.transition(&change);
-        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            change.carry_reach(&mut slot.reach);
-        }
+        change.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
     }
 
     /// Logs that a block was added with a label, or marginalised.

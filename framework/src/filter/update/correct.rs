@@ -5,7 +5,7 @@ use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::parts::Parts;
-use crate::filter::transients::presence::Presence;
+use crate::filter::transients::seen::Transients;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Outcome, Rejection};
 use crate::model::sensor::Sensor;
@@ -85,7 +85,7 @@ impl Ekf {
         match time_offset.zip(history.as_mut()) {
             None => model.linearise(&At { layout: &self.layout, state, sample }, update),
             Some((offset, history)) => {
-                if !history.linearise(model, offset, (&self.layout, state), sample, update) {
+                if !history.linearise(model, offset, &self.layout, state, sample, update) {
                     return false;
                 }
             }
@@ -175,13 +175,14 @@ impl Ekf {
         let Estimate { state, covariance, offset } = estimate;
         let at = At { layout: &self.layout, state, sample };
         let prior = Prior { at, model, covariance, considered: &self.considered };
-        refinement.run(&prior, (rules.of(index, offset.is_some()), slot.robust), update)
+        refinement.run(&prior, rules.of(index, offset.is_some()), slot.robust, update)
     }
 
     /// Updates the covariance, and injects the error into the state.
     fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
-        let Parts { estimate, propagation, sensors, signatures, watch, presence, history, .. } =
-            &mut self.parts;
+        let Parts {
+            estimate, propagation, sensors, signatures, watch, transients, history, ..
+        } = &mut self.parts;
         let Work { update, lower, points, rules, .. } = &mut self.work;
         let &Attempt { sample, model, index, present, .. } = attempt;
         // an unscented update treats the curvature as noise, and an iterated one is checked at the
@@ -246,7 +247,7 @@ impl Ekf {
         // report the injected error: a velocity that turns with the heading changes by more than
         // the product of gain and innovation
         observer.correction(update);
-        presence.note(&self.layout, update, sample.time);
+        transients.note(&self.layout, update, sample.time);
         if let Some(history) = history {
             history.corrected(&update.delta);
         }
@@ -255,7 +256,8 @@ impl Ekf {
     /// Checks that every variance is a positive number.
     fn check_covariance(&self, time: Time) -> Result<(), EstimatorError> {
         let estimate = &self.parts.estimate;
-        let invalid = Presence::first_invalid(&self.layout, &estimate.state, &estimate.covariance);
+        let invalid =
+            Transients::first_invalid(&self.layout, &estimate.state, &estimate.covariance);
         let Some(i) = invalid else { return Ok(()) };
         let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
         let block = block.map_or_else(String::new, |b| b.name.clone());

@@ -18,7 +18,8 @@ impl Refinement {
     pub(in crate::filter) fn run(
         &mut self,
         prior: &Prior<'_>,
-        (rule, robust): (&mut dyn Rule, Robust),
+        rule: &mut dyn Rule,
+        robust: Robust,
         update: &mut Update,
     ) -> bool {
         self.innovation.clone_from(&update.innovation);

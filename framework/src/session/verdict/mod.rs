@@ -16,7 +16,7 @@ use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::verdict::{Criterion, Reason, Verdict};
 use crate::model::record::{Epoch, Outcome, UpdateRecord};
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::session::track::Compared;
+use crate::session::comparison::Compared;
 use crate::state::Mode;
 use crate::state::covariance::Update;
 use crate::units::sample::Channel;

@@ -10,7 +10,7 @@ use crate::model::chi_square::sigmas;
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;
 use crate::model::sensor::{Accuracy, Role};
-use crate::session::track::Compared;
+use crate::session::comparison::Compared;
 use crate::state::Handle;
 use crate::units::time::Time;
 
@@ -100,7 +100,7 @@ fn differences(compared: &Compared, accuracy: f64) -> impl Iterator<Item = Diffe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::track::tests::velocity;
+    use crate::session::comparison::tests::velocity;
 
     /// A velocity that is off by `error` m/s to the east at 10 s, with a sigma of 0.3 m/s.
     fn compared(error: f64) -> Compared {

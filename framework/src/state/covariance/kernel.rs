@@ -56,14 +56,14 @@ impl<const L: usize, const ANY: bool> WithSimd for Propagation<'_, L, ANY> {
         let n = lanes.count();
         for &group in &*groups {
             for &column in &*groups {
-                put(xt, n, (column, group), turned(simd, tile(x, n, (group, column))));
+                put(xt, n, column, group, turned(simd, tile(x, n, group, column)));
             }
             for &column in &*kept {
-                let tile = tile(x, n, (group, column));
-                put(p, n, (group, column), tile);
+                let tile = tile(x, n, group, column);
+                put(p, n, group, column, tile);
                 let tile = turned(simd, tile);
-                put(xt, n, (column, group), tile);
-                put(p, n, (column, group), tile);
+                put(xt, n, column, group, tile);
+                put(p, n, column, group, tile);
             }
         }
         // Y = A X', the elements of P where changed rows and columns meet: it is symmetric but for
@@ -71,12 +71,12 @@ impl<const L: usize, const ANY: bool> WithSimd for Propagation<'_, L, ANY> {
         simd.vectorize(Product { bands, phi, x: xt, lanes, out: y, lower: true });
         for (at, &row) in groups.iter().enumerate() {
             for &column in &groups[..=at] {
-                let tile = tile(y, n, (row, column));
+                let tile = tile(y, n, row, column);
                 if row == column {
-                    put(p, n, (row, row), mirrored(simd, tile));
+                    put(p, n, row, row, mirrored(simd, tile));
                 } else {
-                    put(p, n, (row, column), tile);
-                    put(p, n, (column, row), turned(simd, tile));
+                    put(p, n, row, column, tile);
+                    put(p, n, column, row, turned(simd, tile));
                 }
             }
         }

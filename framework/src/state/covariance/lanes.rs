@@ -70,14 +70,14 @@ pub(super) fn mirrored<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
 
 /// Reads the tile of a group of rows and columns.
 #[inline(always)]
-pub(super) fn tile(p: &[Lane], lanes: usize, (row, column): (usize, usize)) -> [Lane; 4] {
+pub(super) fn tile(p: &[Lane], lanes: usize, row: usize, column: usize) -> [Lane; 4] {
     let p = &p[4 * row * lanes + column..][..3 * lanes + 1];
     [p[0], p[lanes], p[2 * lanes], p[3 * lanes]]
 }
 
 /// Writes the tile of a group of rows and columns.
 #[inline(always)]
-pub(super) fn put(p: &mut [Lane], lanes: usize, (row, column): (usize, usize), tile: [Lane; 4]) {
+pub(super) fn put(p: &mut [Lane], lanes: usize, row: usize, column: usize, tile: [Lane; 4]) {
     let p = &mut p[4 * row * lanes + column..][..3 * lanes + 1];
     [p[0], p[lanes], p[2 * lanes], p[3 * lanes]] = tile;
 }

@@ -222,8 +222,8 @@ impl Covariance {
         let groups = reached.iter().flat_map(|run| run.start / 4..run.end / 4);
         for g in groups.clone() {
             for h in groups.clone().take_while(|h| *h <= g) {
-                let below = tile(p, lanes, (g, h));
-                let above = if g == h { below } else { tile(p, lanes, (h, g)) };
+                let below = tile(p, lanes, g, h);
+                let above = if g == h { below } else { tile(p, lanes, h, g) };
                 let (mut mean, other) = (below, turned(simd, above));
                 let other = S::as_simd_f64s(other.as_flattened()).0;
                 let half = simd.splat_f64s(0.5);
@@ -232,8 +232,8 @@ impl Covariance {
                 {
                     *mean = simd.mul_f64s(half, simd.add_f64s(*mean, *other));
                 }
-                put(p, lanes, (g, h), mean);
-                put(p, lanes, (h, g), turned(simd, mean));
+                put(p, lanes, g, h, mean);
+                put(p, lanes, h, g, turned(simd, mean));
             }
         }
     }

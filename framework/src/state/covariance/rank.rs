@@ -147,7 +147,7 @@ impl Update {
         for (a, kt) in kt.chunks_exact(stride).enumerate() {
             k.iter_mut().skip(a).step_by(wide).zip(kt).for_each(|(k, kt)| *k = *kt);
         }
-        subtract(simd, covariance, (k, m), hp, reached);
+        subtract(simd, covariance, k, m, hp, reached);
         for i in rows(reached, n) {
             let at = i * wide..i * wide + wide;
             let (k, d) = (&k[at.clone()], &mut d[at]);
@@ -160,7 +160,7 @@ impl Update {
                 }
             }
         }
-        subtract(simd, covariance, (d, m), kt, reached);
+        subtract(simd, covariance, d, m, kt, reached);
         covariance.symmetrise_reached(simd, reached);
     }
 }
@@ -221,7 +221,8 @@ fn rows(reached: &[Range<usize>], n: usize) -> impl Iterator<Item = usize> {
 fn subtract<S: Simd>(
     simd: S,
     covariance: &mut Covariance,
-    (c, m): (&[f64], usize),
+    c: &[f64],
+    m: usize,
     x: &[f64],
     reached: &[Range<usize>],
 ) {
@@ -229,13 +230,15 @@ fn subtract<S: Simd>(
     for columns in reached {
         let x = |a: usize| S::as_simd_f64s(&x[a * stride..][columns.clone()]).0;
         for a in (0..m).step_by(LANES) {
-            let part = (&c[a..], m.next_multiple_of(LANES));
-            let place = (reached, columns);
+            let (c, wide) = (&c[a..], m.next_multiple_of(LANES));
             match m - a {
-                1 => less(simd, covariance, part, [x(a)], place),
-                2 => less(simd, covariance, part, [x(a), x(a + 1)], place),
-                3 => less(simd, covariance, part, [x(a), x(a + 1), x(a + 2)], place),
-                _ => less(simd, covariance, part, [x(a), x(a + 1), x(a + 2), x(a + 3)], place),
+                1 => less(simd, covariance, c, wide, [x(a)], reached, columns),
+                2 => less(simd, covariance, c, wide, [x(a), x(a + 1)], reached, columns),
+                3 => less(simd, covariance, c, wide, [a, a + 1, a + 2].map(x), reached, columns),
+                _ => {
+                    let x = [a, a + 1, a + 2, a + 3].map(x);
+                    less(simd, covariance, c, wide, x, reached, columns);
+                }
             }
         }
     }
@@ -246,9 +249,11 @@ fn subtract<S: Simd>(
 fn less<S: Simd, const M: usize>(
     simd: S,
     covariance: &mut Covariance,
-    (c, wide): (&[f64], usize),
+    c: &[f64],
+    wide: usize,
     x: [&[S::f64s]; M],
-    (reached, columns): (&[Range<usize>], &Range<usize>),
+    reached: &[Range<usize>],
+    columns: &Range<usize>,
 ) {
     let (n, stride) = (covariance.n, covariance.stride);
     for i in rows(reached, n) {

@@ -207,11 +207,13 @@ impl Transition {
         self.kernel.carry(&self.phi, g, stride, work);
     }
 
-    /// Carries a sensor's reach over the last step, as [`Self::carry`] does.
-    pub(crate) fn carry_reach(&mut self, reach: &mut Reach) {
-        let mut work = std::mem::take(&mut self.kernel.carried);
-        self.carry(&mut reach.g, reach.stride, &mut work);
-        self.kernel.carried = work;
+    /// Carries the reaches of sensors over the last step, as [`Self::carry`] does.
+    pub(crate) fn carry_reaches<'a>(&mut self, reaches: impl Iterator<Item = &'a mut Reach>) {
+        for reach in reaches.filter(|reach| !reach.is_empty()) {
+            let mut work = std::mem::take(&mut self.kernel.carried);
+            self.carry(&mut reach.g, reach.stride, &mut work);
+            self.kernel.carried = work;
+        }
     }
 
     /// Returns `true` if the transition is a copy of the other one, but for its step.

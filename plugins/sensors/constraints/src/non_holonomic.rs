@@ -66,10 +66,9 @@ impl SensorType for NonHolonomic {
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let lever_arm =
             self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
-        let turns = ("lever_arm", self.lever_arm != LeverArm::default());
-        let place = ("navigation", &*self.navigation);
+        let turns = self.lever_arm != LeverArm::default();
         let model = NonHolonomicModel {
-            navigation: Navigation::find_turning(composer, place, turns)?,
+            navigation: Navigation::find_turning(composer, &self.navigation, "lever_arm", turns)?,
             side_slip: self.side_slip.block(composer, "side_slip", &[0.0], display::YAW)?,
             suspension: self.suspension.block(composer, "suspension", &[0.0], display::PITCH)?,
             pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,

@@ -80,10 +80,9 @@ impl SensorType for ZeroVelocity {
             let text = format!("{window} s is too long a window: give at most {LONGEST} s");
             return Err(ComposeError::new("window", text));
         }
-        let turns = ("rotation_noise", self.rotation_noise.is_some());
-        let place = ("navigation", &*self.navigation);
+        let (name, turns) = (&self.navigation, self.rotation_noise.is_some());
         let model = ZeroVelocityModel {
-            navigation: Navigation::find_turning(composer, place, turns)?,
+            navigation: Navigation::find_turning(composer, name, "rotation_noise", turns)?,
             velocity: self.noise.value().si(),
             rotation: self.rotation_noise.map_or(0.0, |noise| noise.value().si()),
         };

@@ -58,9 +58,8 @@ impl Mounting<'_> {
         composer: &mut Composer,
         tracking: &Tracking<'_>,
     ) -> Result<Instrument, ComposeError> {
-        let turns = ("lever_arm", self.lever_arm != LeverArm::default());
-        let navigation =
-            Navigation::find_turning(composer, ("navigation", self.navigation), turns)?;
+        let turns = self.lever_arm != LeverArm::default();
+        let navigation = Navigation::find_turning(composer, self.navigation, "lever_arm", turns)?;
         let current = tracking.current(composer)?;
         let scale = self.scale.block(composer, "scale", &[1.0], display::RATIO)?;
         let (c_b_d, lever_arm) = match tracking.transducer {

@@ -91,13 +91,8 @@ impl SensorType for Gnss {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let turns = self.velocity_noise.is_some() && self.lever_arm != LeverArm::default();
-        let turns = ("lever_arm", turns);
         let model = GnssModel {
-            navigation: Navigation::find_turning(
-                composer,
-                ("navigation", &self.navigation),
-                turns,
-            )?,
+            navigation: Navigation::find_turning(composer, &self.navigation, "lever_arm", turns)?,
             bias: self.bias.block(composer, "bias", &[0.0; 3], BIAS)?,
             lever_arm: self.lever_arm.block(
                 composer,

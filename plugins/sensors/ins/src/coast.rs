@@ -33,12 +33,13 @@ impl Coast {
     /// Moves the position by `dt` seconds, and fills the transition.
     pub(crate) fn propagate(
         &self,
-        (navigation, places): (&Navigation, &Places),
-        (layout, state): (&Layout, &mut State),
+        n: &Navigation,
+        s: &Places,
+        layout: &Layout,
+        state: &mut State,
         dt: f64,
         out: &mut Transition,
     ) {
-        let (n, s) = (navigation, places);
         let (attitude, velocity) = (state.get(layout, n.attitude), state.get(layout, n.velocity));
         let position = state.get(layout, n.position).displaced(&(velocity * dt));
         state.set(layout, n.position, &position);

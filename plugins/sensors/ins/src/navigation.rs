@@ -86,16 +86,18 @@ impl Navigation {
         })
     }
 
-    /// As [`Self::find`], for a sensor that needs the angular rate if `turns` is set: `what` names
+    /// As [`Self::find`] with the key `navigation`, for a sensor that needs the angular rate if `turns` is set: `what` names
     /// the reason, such as a lever arm.
     ///
     /// # Errors
     /// As for [`Self::find`], and when the process publishes no angular rate and `turns` is set.
     pub fn find_turning(
         composer: &Composer,
-        (key, name): (&str, &str),
-        (what, turns): (&str, bool),
+        name: &str,
+        what: &str,
+        turns: bool,
     ) -> Result<Self, ComposeError> {
+        let key = "navigation";
         let navigation = Self::find(composer, key, name)?;
         if turns && navigation.angular_rate.is_none() {
             let text = format!(

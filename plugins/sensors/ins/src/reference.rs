@@ -77,8 +77,8 @@ impl SensorType for ReferenceSolution {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let (place, arm) = (("navigation", &*self.navigation), self.lever_arm.is_some());
-        let navigation = match Navigation::find_turning(composer, place, ("lever_arm", arm)) {
+        let (name, arm) = (&self.navigation, self.lever_arm.is_some());
+        let navigation = match Navigation::find_turning(composer, name, "lever_arm", arm) {
             Err(error) if arm || composer.vehicle().attitude.is_some() => {
                 return Err(error);
             }

@@ -211,7 +211,9 @@ impl StrapdownModel {
         &self,
         c_b_n: &Matrix3<f64>,
         spread: Option<&Spread>,
-        (dt, usual, duration): (f64, f64, f64),
+        dt: f64,
+        usual: f64,
+        duration: f64,
     ) -> [Matrix3<f64>; 2] {
         let mut q = [Matrix3::zeros(); 2];
         if usual < duration {
@@ -263,7 +265,7 @@ impl ProcessModel for StrapdownModel {
                 return Err(ProcessError::input("no IMU sample covers this time"));
             };
             self.mechanisation = Mechanisation::default();
-            coast.propagate((&self.navigation, &self.places), (layout, state), dt, out);
+            coast.propagate(&self.navigation, &self.places, layout, state, dt, out);
             return Ok(());
         };
         let gap = self.imu.max_gap.value().si();
@@ -327,7 +329,7 @@ impl ProcessModel for StrapdownModel {
         let q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
         let q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
         if usual < duration || input.spread.is_some() {
-            let more = self.doubt(&rates.c_b_n, input.spread, (dt, usual, duration));
+            let more = self.doubt(&rates.c_b_n, input.spread, dt, usual, duration);
             out.set_noise(s.q_phi, &(q_phi + more[0]));
             out.set_noise(s.q_v, &(q_v + more[1]));
         } else {

@@ -66,13 +66,8 @@ impl SensorType for Odometer {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let turns = self.lever_arm != LeverArm::default();
-        let turns = ("lever_arm", turns);
         let model = OdometerModel {
-            navigation: Navigation::find_turning(
-                composer,
-                ("navigation", &self.navigation),
-                turns,
-            )?,
+            navigation: Navigation::find_turning(composer, &self.navigation, "lever_arm", turns)?,
             scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
             pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,
             yaw: self.yaw.block(composer, "yaw", &[0.0], display::YAW)?,

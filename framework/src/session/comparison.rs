@@ -101,7 +101,7 @@ impl Compared {
 
 /// Estimates of a run compared with the reference.
 #[derive(Debug)]
-pub(crate) struct Track {
+pub(crate) struct Comparison {
     position: Option<usize>,
     before: Option<Vec<f64>>,
     before_truth: Option<Vec<f64>>,
@@ -112,11 +112,11 @@ pub(crate) struct Track {
     pub(crate) compared: Vec<Compared>,
 }
 
-saved!(Track {
+saved!(Comparison {
     before, before_truth, distance, true_distance, errors
 } each { compared } except { position });
 
-impl Track {
+impl Comparison {
     pub(crate) fn new(layout: &Layout) -> Self {
         Self {
             position: layout.vehicle().position.map(Handle::slot),
@@ -226,7 +226,7 @@ pub(crate) mod tests {
     /// Errors of 3 m and 4 m have the mean square 12.5 m^2; the last one is 2 % of 200 m.
     #[test]
     fn the_horizontal_error_is_a_root_mean_square_and_a_percentage_of_the_true_path() {
-        let track = |errors, true_distance| Track {
+        let comparison = |errors, true_distance| Comparison {
             position: None,
             before: None,
             before_truth: None,
@@ -236,9 +236,9 @@ pub(crate) mod tests {
             compared: Vec::new(),
         };
         let of =
-            |track: Track| track.horizontal_error().map(|e| (e.last, e.rms, e.percent_of_distance));
-        assert_eq!(of(track((2, 25.0, 4.0), 200.0)), Some((4.0, 12.5_f64.sqrt(), Some(2.0))));
-        assert_eq!(of(track((2, 25.0, 4.0), 0.9)), Some((4.0, 12.5_f64.sqrt(), None)));
-        assert_eq!(of(track((0, 0.0, 0.0), 200.0)), None);
+            |c: Comparison| c.horizontal_error().map(|e| (e.last, e.rms, e.percent_of_distance));
+        assert_eq!(of(comparison((2, 25.0, 4.0), 200.0)), Some((4.0, 12.5_f64.sqrt(), Some(2.0))));
+        assert_eq!(of(comparison((2, 25.0, 4.0), 0.9)), Some((4.0, 12.5_f64.sqrt(), None)));
+        assert_eq!(of(comparison((0, 0.0, 0.0), 200.0)), None);
     }
 }

@@ -1,12 +1,12 @@
 //! Series of any length in a bounded number of rows, computed as the items arrive.
 
-/// Largest number of rows; a longer series has at least half as many.
+/// Usual number of rows: about the width of a plot in pixels.
 pub const ROWS: usize = 1024;
 
 /// A row that can represent two consecutive rows.
 ///
 /// ```
-/// use navfuse_report::Merge;
+/// use navfuse_core::units::thin::Merge;
 /// /// Largest of the represented values.
 /// struct Peak(f64);
 /// impl Merge for Peak {
@@ -22,11 +22,13 @@ pub trait Merge {
 
 /// Rows, each of which represents the same number of items; the last row may represent fewer.
 ///
-/// When [`ROWS`] rows are full, pairs of rows are merged, and each row represents twice as many
-/// items from then on. The result depends on the items alone.
+/// When all rows are full, pairs of rows are merged, and each row represents twice as many items from
+/// then on: a long series has at least half of the rows. The result depends on the items alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thin<T> {
     rows: Vec<T>,
+    /// Largest number of rows, which is even, so that all pairs are full.
+    most: usize,
     /// Number of items in a row.
     each: u64,
     /// Number of items in the last row.
@@ -35,7 +37,35 @@ pub struct Thin<T> {
 
 impl<T> Default for Thin<T> {
     fn default() -> Self {
-        Self { rows: Vec::new(), each: 1, last: 0 }
+        Self::with_rows(ROWS)
+    }
+}
+
+impl<T> Thin<T> {
+    /// An empty series of at most that number of rows, which is rounded up to an even one.
+    pub fn with_rows(most: usize) -> Self {
+        let most = most.checked_next_multiple_of(2).unwrap_or(usize::MAX - 1);
+        Self { rows: Vec::new(), most, each: 1, last: 0 }
+    }
+
+    /// Returns the rows.
+    pub fn rows(&self) -> &[T] {
+        &self.rows
+    }
+
+    /// Takes the rows out of the series.
+    pub fn into_rows(self) -> Vec<T> {
+        self.rows
+    }
+
+    /// Returns the number of items that a row represents.
+    pub fn each(&self) -> u64 {
+        self.each
+    }
+
+    /// Returns the number of items that the last row represents.
+    pub fn last(&self) -> u64 {
+        self.last
     }
 }
 
@@ -50,9 +80,8 @@ impl<T: Merge> Thin<T> {
             }
             _ => {}
         }
-        if self.rows.len() == ROWS {
+        if self.rows.len() == self.most {
             self.halve();
-            // ROWS is even, so that all pairs are full
         }
         self.rows.push(item);
         self.last = 1;
@@ -67,16 +96,6 @@ impl<T: Merge> Thin<T> {
             self.rows.push(row);
         }
         self.each *= 2;
-    }
-
-    /// Returns the rows.
-    pub fn rows(&self) -> &[T] {
-        &self.rows
-    }
-
-    /// Returns the number of items that a row represents.
-    pub fn each(&self) -> u64 {
-        self.each
     }
 }
 

@@ -7,14 +7,14 @@ use crate::units::time::Time;
 
 /// Filter state of the blocks that come and go.
 #[derive(Clone, Debug)]
-pub(in crate::filter) struct Presence {
+pub(in crate::filter) struct Transients {
     /// Time of the last observation of each label's block.
     seen: Vec<Time>,
 }
 
-saved!(Presence {} each { seen });
+saved!(Transients {} each { seen });
 
-impl Presence {
+impl Transients {
     pub(in crate::filter) fn new(labels: usize) -> Self {
         Self { seen: vec![Time::MIN; labels] }
     }
