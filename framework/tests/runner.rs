@@ -52,8 +52,8 @@ impl Source for Clockwork {
                 continue;
             }
             let t = time.seconds();
-            let values = if self.sensor == FIX { [t, 2.0 * t, 0.1 * t * t] } else { [1.0; 3] };
-            let channels = if self.sensor == FIX { 3 } else { 1 };
+            let values = if self.sensor == SPEED { [1.0; 3] } else { [t, 2.0 * t, 0.1 * t * t] };
+            let channels = if self.sensor == SPEED { 1 } else { 3 };
             *sample = Sample::new(time, SensorId(self.sensor), &values[..channels]);
             return Ok(true);
         }
@@ -148,34 +148,28 @@ fn go(settings: &[&str], sources: Vec<Box<dyn Source>>, sinks: Vec<(&str, Told)>
     )
 }
 
+/// Each source has a fix of its own, at a period of its own.
 #[test]
 fn any_number_of_sources_is_merged_in_order_of_time() {
     for count in [1, 2, 7, 40] {
         let told = Told::default();
-        // `count` sources take turns with the speed; the fix has its own source
-        let mut sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(FIX, 300, 20))];
-        for k in 0..count {
-            struct Turns(Clockwork, i64, i64);
-            impl Source for Turns {
-                fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-                    while self.0.next(sample)? {
-                        if (self.0.next - 1) % self.2 == self.1 {
-                            return Ok(true);
-                        }
-                    }
-                    Ok(false)
-                }
-            }
-            sources.push(Box::new(Turns(clockwork(SPEED, 10, 600), k, count)));
+        let fix = |k: usize| format!("sensor.fix{k}={{ type = \"fix\", noise = \"10 cm\" }}");
+        let settings: Vec<String> = (FIX + 1..FIX + count).map(fix).collect();
+        let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
+        let mut sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 10, 600))];
+        for sensor in FIX..FIX + count {
+            sources.push(Box::new(clockwork(sensor, 280 + 10 * sensor as i64 % 20, 20)));
         }
-        let finished = go(&[], sources, vec![("told", told.clone())]);
+        let finished = go(&settings, sources, vec![("told", told.clone())]);
         assert!(finished.error.is_none(), "{:?}", finished.error);
         let samples = told.samples.lock().unwrap();
-        assert_eq!(samples.len(), 620);
+        assert_eq!(samples.len(), 600 + 20 * count);
         assert!(samples.is_sorted_by_key(|s| s.0));
-        assert_eq!(finished.summary.samples["speed"]["rejected"], 0);
-        assert_eq!(finished.summary.samples["fix"]["accepted"], 20);
         assert_eq!(finished.summary.samples["speed"]["read"], 600);
+        assert_eq!(finished.summary.samples["speed"]["rejected"], 0);
+        for (sensor, counts) in finished.summary.samples.iter().filter(|s| s.0.starts_with("fix")) {
+            assert_eq!(counts["accepted"], 20, "{sensor}");
+        }
         // a source has no warning unless it gives one
         let warnings = finished.events.iter().filter(|e| e.level >= Level::Warning);
         assert_eq!(warnings.count(), 0, "{:?}", finished.events);

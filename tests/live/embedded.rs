@@ -29,7 +29,7 @@ fn the_state_of_a_live_run_is_that_of_the_offline_run_and_its_log_replays_to_the
 fn a_program_pushes_samples_and_the_newest_estimate_is_that_of_the_offline_run() {
     let registry = navfuse::standard_plugins();
     let desk = Desk::new("");
-    let document = Document::from_file(&desk.path("desk.toml")).unwrap();
+    let document = Document::from_file(desk.path("desk.toml")).unwrap();
     let scenario = Scenario::new(&registry, document, &[]).unwrap();
     let offline = runner::run(scenario.assemble(None).unwrap(), &AtomicBool::new(false), |_| {});
 

@@ -56,7 +56,7 @@ pub fn pass_samples(
     let sources = delayed(converted(sources, &composition), &composition);
     let mut merge = Merge::new(sources, &composition.sensors);
     while let Some(sample) = merge.next(true)? {
-        if !take(&sample) {
+        if !take(sample) {
             break;
         }
     }
