@@ -13,8 +13,12 @@ use std::process::Stdio;
 /// What a command prints on 100 columns, standard output first. Lines with times of computing are
 /// left out.
 fn printed(arguments: &[&str], input: &str) -> String {
+    on_columns("100", arguments, input)
+}
+
+fn on_columns(columns: &str, arguments: &[&str], input: &str) -> String {
     let mut command = command();
-    command.args(arguments).current_dir(root()).env("COLUMNS", "100").env("NO_COLOR", "1");
+    command.args(arguments).current_dir(root()).env("COLUMNS", columns).env("NO_COLOR", "1");
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the command starts");
     let pipe = child.stdin.take().expect("standard input is a pipe");
@@ -49,4 +53,16 @@ fn the_table_of_a_campaign() {
 fn the_mistakes_of_a_scenario() {
     let scenario = "[sensor.dvl]\nnoise = \"5 kg\"\n\n[sensr.depth]\nnoise = \"5 cm\"\n";
     insta::assert_snapshot!(printed(&["check", "-"], scenario));
+}
+
+#[test]
+fn the_help_of_every_command_on_80_columns() {
+    let definition = navfuse::definition();
+    let names = definition.get_subcommands().map(clap::Command::get_name);
+    let mut help = on_columns("80", &["--help"], "");
+    for name in names {
+        help += &format!("\n$ navfuse {name} --help\n");
+        help += &on_columns("80", &[name, "--help"], "");
+    }
+    insta::assert_snapshot!(help);
 }

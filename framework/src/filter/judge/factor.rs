@@ -9,8 +9,9 @@
 //! a = sum m p / sum p^2,      Q(a) = sum (m - a p)^2,      t^2 = (n - 1) (Q(1) / Q(a) - 1)
 //! ```
 //! is the factor of the channel, and Student's `t` of `n - 1` degrees of freedom against a factor of one.
-//! Its tail is about `(1 + t^2 / (n - 1))^(-(n - 1) / 2)`, the root of `(Q(a) / Q(1))^(n - 1)`. Errors of `p` pull `a` towards zero and never away from it, so that a factor far above one or
-//! below zero is none of a noise.
+//! Its tail is about `(1 + t^2 / (n - 1))^(-(n - 1) / 2)`, the root of `(Q(a) / Q(1))^(n - 1)`. Errors of
+//! `p` pull `a` towards zero and never away from it, so that no noise gives a factor far above one or
+//! below zero.
 
 use crate::checkpoint::saved;
 use crate::model::record::Observer;
@@ -32,8 +33,8 @@ const EVIDENCE: f64 = 40.0;
 /// factor has to explain.
 const RATIO: f64 = 9.0;
 const EXPLAINED: f64 = 0.5;
-/// Largest share of one span in the sum of squares: a jump is no motion. Two spans of a motion of which one
-/// is half as long have 0.8.
+/// Largest share of one span in the sum of squares: a jump is no motion. Of a motion in two spans, one
+/// of which is half as long, the larger has 1 / (1 + 0.25) = 0.8.
 const JUMP: f64 = 0.8;
 
 /// Changes of one channel.
