@@ -166,7 +166,8 @@ fn walk() -> Vec<(String, Vec<String>)> {
 
 /// The text of a method, from its name to its last brace.
 fn body<'a>(text: &'a str, method: &str) -> Option<&'a str> {
-    let rest = &text[text.find(&format!("fn {method}("))?..];
+    let start = ["(", "<"].iter().find_map(|next| text.find(&format!("fn {method}{next}")));
+    let rest = &text[start?..];
     Some(&rest[..rest.find("\n    }\n")?])
 }
 
