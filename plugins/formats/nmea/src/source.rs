@@ -116,7 +116,11 @@ impl Stream {
         let damage = self.warnings().map_or_else(String::new, |text| format!(" ({text})"));
         let wanted = Target::sentences(self.receiver.target.part);
         let (text, remedy) = if self.sentences == 0 {
-            ("no intact sentence of NMEA 0183".to_owned(), "check the file and its baud rate")
+            (
+                "no intact sentence of NMEA 0183".to_owned(),
+                "check the file and its baud rate; checksum = \"ignore\" uses sentences with wrong \
+                 checksums",
+            )
         } else {
             (
                 format!("no valid {wanted} with a time; it has {}", self.addresses.join(", ")),

@@ -25,6 +25,9 @@ const COUNT: u32 = 4;
 const EVIDENCE: f64 = 9.0;
 /// Least sum of squares that the turn has to explain, (m/s^2)^2.
 const LEAST: f64 = 0.1;
+/// Acceleration of a vehicle that hardly accelerates, m/s^2: an error of the tilt by 0.2 deg or a bias
+/// of 3 mg gives as much, and a turn must explain more.
+const QUIET: f64 = 0.03;
 /// Largest sigma of the heading with which accelerations are compared, rad: 10 deg. Three of them are
 /// nearer to the right axes than to axes turned by a quarter.
 const HEADING: f64 = 0.17;
@@ -142,7 +145,9 @@ impl Axes {
         };
         let best = turns().min_by(|a, b| residual(a).total_cmp(&residual(b)))?;
         let one = residual(&[(0, 1.0), (1, 1.0), (2, 1.0)]);
-        if one - residual(&best) < LEAST || one < EVIDENCE * residual(&best) {
+        // u and f differ by this much each where neither is known better
+        let quiet = 2.0 * f64::from(self.count) * QUIET * QUIET;
+        if one - residual(&best) < LEAST + quiet || one < EVIDENCE * residual(&best) {
             return None;
         }
         self.reported = true;
