@@ -243,9 +243,9 @@ fn a_thinned_recording_keeps_the_extremes_of_every_error_and_is_small() {
 #[test]
 fn a_run_that_is_broken_off_leaves_a_recording_that_opens() {
     let folder = tempfile::tempdir().unwrap();
-    drop(record(folder.path(), 700, false));
+    drop(record(folder.path(), 500, false));
     let rows = scalars(&folder.path().join("run.rrd"));
-    assert_eq!(rows["/state/ins/velocity/north/estimate"].len(), 700);
+    assert_eq!(rows["/state/ins/velocity/north/estimate"].len(), 500);
 }
 
 /// A run that is killed completes nothing: what its part holds is all there is.
