@@ -6,6 +6,7 @@
 mod error;
 mod live;
 mod log;
+mod names;
 mod recorder;
 mod run;
 mod samples;

@@ -1,6 +1,7 @@
 //! The log of a run, as it was recorded.
 
 use crate::error::exception;
+use crate::names::{Names, index};
 use crate::run::bytes;
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Event, Level};
@@ -15,31 +16,27 @@ use std::path::PathBuf;
 
 /// A state over time: of each epoch its estimate, 1-sigma and error, NaN where one is missing.
 struct State {
-    name: String,
-    unit: String,
-    mode: Value,
-    components: Vec<String>,
-    geodetic: bool,
+    names: Names,
     has_error: bool,
     rows: Vec<f64>,
 }
 
 impl State {
     fn new(block: &BlockEntry<'_>) -> Self {
-        Self {
+        let names = Names {
             name: block.name.to_owned(),
             unit: block.unit.to_owned(),
-            mode: json!(block.mode),
+            mode: block.mode,
             components: block.components.iter().map(|c| (*c).to_owned()).collect(),
             geodetic: block.geodetic,
-            has_error: false,
-            rows: Vec::new(),
-        }
+            rotation: block.components == ["roll", "pitch", "yaw"],
+        };
+        Self { names, has_error: false, rows: Vec::new() }
     }
 
     /// Numbers of a row.
     fn width(&self) -> usize {
-        3 * self.components.len()
+        3 * self.names.components.len()
     }
 
     /// Adds the estimate of the epoch `index`.
@@ -48,49 +45,26 @@ impl State {
         self.has_error |= !block.error.is_empty();
         for part in [&block.estimate, &block.sigma, &block.error] {
             let numbers = part.iter().copied().chain(std::iter::repeat(f64::NAN));
-            self.rows.extend(numbers.take(self.components.len()));
+            self.rows.extend(numbers.take(self.names.components.len()));
         }
-    }
-
-    /// Names of the components of sigma and error.
-    fn differences(&self) -> Vec<&str> {
-        match self.geodetic {
-            true => vec!["north", "east", "down"],
-            false => self.components.iter().map(String::as_str).collect(),
-        }
-    }
-
-    fn units(&self) -> Vec<&str> {
-        match self.geodetic {
-            true => vec!["deg", "deg", &self.unit],
-            false => vec![&self.unit; self.components.len()],
-        }
-    }
-
-    fn describe(&self, first: usize) -> Value {
-        let rotation = self.components == ["roll", "pitch", "yaw"];
-        json!({
-            "name": self.name, "mode": self.mode, "unit": self.unit, "units": self.units(),
-            "components": self.components, "differences": self.differences(), "first": first,
-            "error": self.has_error, "rotation": rotation,
-        })
     }
 
     fn headings(&self) -> Vec<String> {
         let heading = |name: &str, what: &str, unit: &str| {
-            format!("{}.{name}{what}{}", self.name, ending(unit))
+            format!("{}.{name}{what}{}", self.names.name, ending(unit))
         };
-        let estimate = self.components.iter().zip(self.units()).map(|(c, u)| heading(c, "", u));
+        let Names { components, unit, .. } = &self.names;
+        let estimate = components.iter().zip(self.names.units()).map(|(c, u)| heading(c, "", u));
         let kinds = ["_sigma", "_error"].into_iter().take(1 + usize::from(self.has_error));
         let others = kinds.flat_map(|kind| {
-            self.differences().into_iter().map(move |c| heading(c, kind, &self.unit))
+            self.names.differences().into_iter().map(move |c| heading(c, kind, unit))
         });
         estimate.chain(others).collect()
     }
 
     fn columns(&self, epochs: usize) -> impl Iterator<Item = Vec<f64>> + '_ {
         let kinds = 2 + usize::from(self.has_error);
-        let (width, used) = (self.width(), kinds * self.components.len());
+        let (width, used) = (self.width(), kinds * self.names.components.len());
         let cell =
             move |row: usize, k: usize| self.rows.get(row * width + k).copied().unwrap_or(f64::NAN);
         (0..used).map(move |k| (0..epochs).map(|row| cell(row, k)).collect())
@@ -106,14 +80,6 @@ struct Innovations {
     channels: Vec<String>,
     outcomes: Vec<String>,
     rows: Vec<([f64; 4], Channels)>,
-}
-
-/// Index of a word in a list, to which it is added.
-fn index(list: &mut Vec<String>, word: &str) -> usize {
-    list.iter().position(|known| known == word).unwrap_or_else(|| {
-        list.push(word.to_owned());
-        list.len() - 1
-    })
 }
 
 impl Innovations {
@@ -203,7 +169,7 @@ impl Log {
         if self.times.last() != Some(&time) {
             self.times.push(time);
         }
-        let found = self.states.iter().position(|s| s.name == block.name);
+        let found = self.states.iter().position(|s| s.names.name == block.name);
         let slot = found.unwrap_or_else(|| {
             self.states.push(State::new(block));
             self.states.len() - 1
@@ -225,7 +191,7 @@ impl Log {
     fn describe(&self, scenario: &str, version: &str) -> Value {
         let (mut headings, mut blocks) = (vec!["time_s".to_owned()], Vec::new());
         for state in &self.states {
-            blocks.push(state.describe(headings.len()));
+            blocks.push(state.names.describe(headings.len(), state.has_error));
             headings.extend(state.headings());
         }
         json!({

@@ -1,5 +1,6 @@
 //! Sink that keeps the estimates and innovations of a run in memory, a column for each number.
 
+use crate::names::{Names, index};
 use navfuse_core::model::record::{Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -50,10 +51,7 @@ impl Innovations {
             Outcome::Gated => "gated".to_owned(),
             Outcome::Rejected(why) => format!("rejected: {}", why.reason(&names())),
         };
-        self.outcomes.iter().position(|w| *w == words).unwrap_or_else(|| {
-            self.outcomes.push(words);
-            self.outcomes.len() - 1
-        })
+        index(&mut self.outcomes, &words)
     }
 
     /// Set for a sensor without a record, such as the driving one.
@@ -98,19 +96,18 @@ impl Recorder {
     }
 }
 
-/// Names and units of a block; `first` is its first column.
-fn describe(block: &Block, first: usize, error: bool) -> Value {
+/// Names and units of a block.
+fn names(block: &Block) -> Names {
     let (n, display) = (block.operations.tangent, &block.spec.display);
     let name = |k: usize| display.components.get(k).map_or_else(|| k.to_string(), |n| (*n).into());
-    let components: Vec<String> = (0..n).map(name).collect();
-    let geodetic = block.operations.reading == Reading::Tangent;
-    let differences = if geodetic { json!(["north", "east", "down"]) } else { json!(components) };
-    let units = if geodetic { vec!["deg", "deg", display.unit] } else { vec![display.unit; n] };
-    json!({
-        "name": block.name, "mode": block.spec.mode, "unit": display.unit, "components": components,
-        "units": units, "differences": differences, "first": first, "error": error,
-        "rotation": block.operations.reading == Reading::Angles && n == 3,
-    })
+    Names {
+        name: block.name.clone(),
+        unit: display.unit.to_owned(),
+        mode: block.spec.mode,
+        components: (0..n).map(name).collect(),
+        geodetic: block.operations.reading == Reading::Tangent,
+        rotation: block.operations.reading == Reading::Angles && n == 3,
+    }
 }
 
 impl Sink for Recorder {
@@ -126,7 +123,7 @@ impl Sink for Recorder {
         let mut first = 1; // after the time
         for block in &run.layout.blocks {
             let error = reference || block.spec.truth.is_some();
-            self.blocks.push(describe(block, first, error));
+            self.blocks.push(names(block).describe(first, error));
             first += (2 + usize::from(error)) * block.operations.tangent;
         }
         Ok(())

@@ -100,15 +100,44 @@ fn share_patterns(schema: &mut Value, patterns: &mut Vec<String>) {
     }
 }
 
-/// Moves the definitions of a root schema to `definitions` and returns the rest.
+/// Moves the definitions of a root schema to `definitions` and returns the rest. Where plugins have
+/// different types of one name, the later one gets a number.
 fn lift(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
-    if let Some(object) = schema.as_object_mut() {
-        object.remove("$schema");
-        if let Some(Value::Object(own)) = object.remove("$defs") {
-            definitions.extend(own);
+    let object = schema.as_object_mut().map(|object| (object.remove("$schema"), object));
+    let Some(Value::Object(mut own)) = object.and_then(|(_, object)| object.remove("$defs")) else {
+        return schema;
+    };
+    let differs = |(name, value): &(&String, &Value)| {
+        definitions.get(*name).is_some_and(|known| known != *value)
+    };
+    while let Some((name, value)) = own.iter().find(differs).map(|(n, v)| (n.clone(), v.clone())) {
+        let (mut free, mut number) = (name.clone(), 1);
+        while own.contains_key(&free) || definitions.get(&free).is_some_and(|known| *known != value)
+        {
+            number += 1;
+            free = format!("{name}{number}");
         }
+        own.remove(&name);
+        own.insert(free.clone(), value);
+        let [from, to] = [name, free].map(|name| format!("#/$defs/{name}"));
+        own.values_mut().chain([&mut schema]).for_each(|value| refer(value, &from, &to));
     }
+    definitions.extend(own);
     schema
+}
+
+/// Replaces the references to a definition.
+fn refer(schema: &mut Value, from: &str, to: &str) {
+    match schema {
+        Value::Object(map) => {
+            if map.get("$ref").is_some_and(|name| name == from) {
+                map.insert("$ref".to_owned(), to.into());
+            }
+            map.values_mut().for_each(|inner| refer(inner, from, to));
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| refer(item, from, to)),
+        _ => {}
+    }
 }
 
 fn inline<T: JsonSchema>(definitions: &mut Map<String, Value>) -> Value {
@@ -322,5 +351,32 @@ fn takes(schema: &Value, definitions: &Map<String, Value>, depth: usize) -> Stri
             .collect::<Vec<_>>()
             .join(" | "),
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two plugins may have a type `Format`, each within a type `Files`.
+    #[test]
+    fn types_of_one_name_have_a_definition_each_and_the_same_type_has_one() {
+        let schema = |format: &str| {
+            json!({
+                "$defs": {
+                    "Format": { "const": format },
+                    "Files": { "items": { "$ref": "#/$defs/Format" } },
+                },
+                "$ref": "#/$defs/Files",
+            })
+        };
+        let mut definitions = Map::new();
+        for format in ["a", "b", "a", "b"] {
+            let lifted = lift(schema(format), &mut definitions);
+            let files = resolve(&lifted, &definitions);
+            let found = resolve(&files["items"], &definitions);
+            assert_eq!(found, &json!({ "const": format }), "{definitions:?}");
+        }
+        assert_eq!(definitions.len(), 4, "{definitions:?}");
     }
 }

@@ -1,5 +1,6 @@
 //! State blocks: value, uncertainty and motion of one part of the state.
 
+use crate::state::covariance::standard_deviation;
 use crate::state::manifold::{MAX_TANGENT, Operations};
 use nalgebra::DMatrix;
 
@@ -152,9 +153,7 @@ impl Block {
                     true => variance(&jacobian[n * i..n * i + n], covariance, t),
                     false => covariance.get(t + i, t + i),
                 };
-                // rounding may leave a variance below zero; NaN stays NaN
-                let variance = if variance < 0.0 { 0.0 } else { variance };
-                *out = variance.sqrt() / self.spec.display.scale;
+                *out = standard_deviation(variance) / self.spec.display.scale;
             }
             out
         })

@@ -1,9 +1,9 @@
 //! Samples as instruments write them: the fixes of a receiver, and the reports of a Water Linked A50.
 
-use crate::nmea::{place, seal, time_of_day};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::units::calendar::Calendar;
 use navfuse_core::units::sample::Sample;
+use navfuse_nmea::writing::{course_and_speed, place, seal, time_of_day};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -36,10 +36,7 @@ pub fn write_fix(out: &mut String, info: &SensorInfo, sample: &Sample) -> bool {
     let height = values(info, sample, ["height"]).map_or(String::new(), |[h]| format!("{h:.4}"));
     seal(out, format_args!("GPGGA,{time},{place},{FIX},12,0.7,{height},M,0.0,M,,"));
     if let Some([north, east]) = values(info, sample, ["vel_n", "vel_e"]) {
-        let course = east.atan2(north).to_degrees().rem_euclid(360.0);
-        let speed = north.hypot(east);
-        let (knots, kmh) = (speed * 3600.0 / 1852.0, speed * 3.6);
-        seal(out, format_args!("GPVTG,{course:.4},T,,M,{knots:.4},N,{kmh:.4},K,A"));
+        seal(out, format_args!("GPVTG,{},A", course_and_speed(north, east, 4)));
     }
     if let Some([horizontal, vertical]) = values(info, sample, ["h_acc", "v_acc"]) {
         seal(out, format_args!("GPGST,{time},,,,,{horizontal:.3},{horizontal:.3},{vertical:.3}"));

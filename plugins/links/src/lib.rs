@@ -8,7 +8,6 @@
 mod config;
 mod feed;
 mod instrument;
-mod nmea;
 mod port;
 mod ports;
 mod samples;

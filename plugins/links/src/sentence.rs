@@ -9,11 +9,11 @@
 //! Values are in SI. The sensor and the channels have the names of the scenario; a channel that is
 //! missing is left out.
 
-use crate::nmea::close;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use navfuse_frames::Sentences;
+use navfuse_nmea::writing::close;
 use std::fmt::Write;
 use std::str::Split;
 

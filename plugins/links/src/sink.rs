@@ -1,6 +1,5 @@
 //! The newest estimate in datagrams, as JSON or NMEA 0183.
 
-use crate::nmea::{place, seal, time_of_day};
 use crate::ports::resolve;
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -8,6 +7,7 @@ use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::state::Vehicle;
 use navfuse_core::units::Date;
 use navfuse_core::units::calendar::Calendar;
+use navfuse_nmea::writing::{circle, course_and_speed, place, seal, time_of_day};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -131,8 +131,7 @@ impl Motion {
         let state = epoch.state;
         let sigma = |slot: usize| {
             let tangent = epoch.layout.blocks[slot].tangent;
-            let variance = |k| tangent.map_or(0.0, |t: usize| epoch.covariance.get(t + k, t + k));
-            [0, 1, 2].map(|k| variance(k).max(0.0).sqrt())
+            [0, 1, 2].map(|k| tangent.map_or(0.0, |t| epoch.covariance.sigma(t + k)))
         };
         Self {
             position: vehicle.position.map(|handle| {
@@ -177,13 +176,10 @@ impl Motion {
             seal(out, format_args!("INGST,{time},,,,,{north:.3},{east:.3},{down:.3}"));
         }
         if let Some(([north, east, _], _)) = self.velocity {
-            let (course, speed) =
-                (east.atan2(north).to_degrees().rem_euclid(360.0), north.hypot(east));
-            let (knots, kmh) = (speed * 3600.0 / 1852.0, speed * 3.6);
-            seal(out, format_args!("INVTG,{course:.3},T,,M,{knots:.4},N,{kmh:.4},K,E"));
+            seal(out, format_args!("INVTG,{},E", course_and_speed(north, east, 3)));
         }
         if let Some(([_, _, heading], _)) = self.attitude {
-            seal(out, format_args!("INHDT,{heading:.3},T"));
+            seal(out, format_args!("INHDT,{},T", circle(heading, 3)));
         }
     }
 }

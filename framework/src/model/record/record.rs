@@ -2,7 +2,7 @@
 
 use crate::model::record::finding::Finding;
 use crate::model::record::{Event, Outcome, Rejection};
-use crate::state::covariance::{Covariance, Transition, Update};
+use crate::state::covariance::{Covariance, Transition, Update, standard_deviation};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
@@ -36,7 +36,7 @@ impl UpdateRecord<'_> {
         let present = self.present;
         (0..u16::BITS as usize).filter(move |i| present >> i & 1 == 1).zip(0..m).map(
             move |(channel, k)| {
-                (channel, self.innovation[k], self.covariance[k * m + k].max(0.0).sqrt())
+                (channel, self.innovation[k], standard_deviation(self.covariance[k * m + k]))
             },
         )
     }

@@ -63,6 +63,11 @@ impl Covariance {
         self.p[j * self.stride + i] = value;
     }
 
+    /// The 1-sigma of the error state `i`.
+    pub fn sigma(&self, i: usize) -> f64 {
+        standard_deviation(self.get(i, i))
+    }
+
     /// The first index whose variance is not a positive finite number.
     pub fn first_invalid(&self) -> Option<usize> {
         (0..self.n).find(|&i| !(self.get(i, i) > 0.0 && self.get(i, i).is_finite()))
@@ -252,4 +257,10 @@ impl Covariance {
             self.p[j * self.stride + i] = mean;
         }
     }
+}
+
+/// Square root of a variance. Rounding may leave a variance below zero, whose root is zero; NaN stays
+/// NaN, so that no unknown sigma is shown as a perfect one.
+pub fn standard_deviation(variance: f64) -> f64 {
+    if variance < 0.0 { 0.0 } else { variance.sqrt() }
 }

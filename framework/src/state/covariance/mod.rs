@@ -24,7 +24,7 @@ mod tests;
 
 pub(crate) use back::{BackwardCorrection, BackwardStep, sandwich};
 pub use inputs::InputSlot;
-pub use matrix::Covariance;
+pub use matrix::{Covariance, standard_deviation};
 pub(crate) use product::{Closure, Product};
 pub use sum::StepSum;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};

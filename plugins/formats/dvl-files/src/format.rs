@@ -14,7 +14,6 @@ use std::io::Read;
 /// The format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-#[schemars(rename = "VelocityLogFormat")] // a schema has one definition a name
 #[non_exhaustive]
 pub enum Format {
     /// Teledyne PD0.

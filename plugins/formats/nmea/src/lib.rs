@@ -25,6 +25,7 @@ mod sentence;
 mod source;
 mod target;
 mod vessel;
+pub mod writing;
 
 pub use beacon::Beacon;
 pub use config::{ChecksumUse, Nmea};

@@ -18,7 +18,6 @@ use std::io::{Cursor, Read};
 /// The format of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-#[schemars(rename = "VehicleLogFormat")] // a schema has one definition a name
 #[non_exhaustive]
 pub enum Format {
     /// PX4 ULog.

@@ -45,6 +45,28 @@ const fn field(channel: &'static str, name: &'static str, factor: f64) -> Entry 
     entry(channel, Term::Field(name), factor)
 }
 
+/// Fields of an inertial unit: three of gyros, then three of accelerometers.
+const fn inertial(names: [&'static str; 6], gyro: f64, accel: f64) -> [Entry; 6] {
+    [
+        field("gyro_x", names[0], gyro),
+        field("gyro_y", names[1], gyro),
+        field("gyro_z", names[2], gyro),
+        field("accel_x", names[3], accel),
+        field("accel_y", names[4], accel),
+        field("accel_z", names[5], accel),
+    ]
+}
+
+/// Fields of an attitude, whose yaw is a heading as well.
+const fn attitude([roll, pitch, yaw]: [&'static str; 3], factor: f64) -> [Entry; 4] {
+    [
+        field("roll", roll, factor),
+        field("pitch", pitch, factor),
+        field("yaw", yaw, factor),
+        field("heading", yaw, factor),
+    ]
+}
+
 /// A field that is absent at some value.
 const fn unless(entry: Entry, absent: f64) -> Entry {
     Entry { absent: Some(absent), ..entry }
@@ -62,14 +84,7 @@ const Q: [&str; 4] = ["q[0]", "q[1]", "q[2]", "q[3]"];
 const LOCAL: [&str; 4] = ["x", "y", "ref_lat", "ref_lon"];
 
 /// Angular rate and specific force of SCALED_IMU: mrad/s and thousandths of gravity.
-const SCALED: &[Entry] = &[
-    field("gyro_x", "xgyro", 1e-3),
-    field("gyro_y", "ygyro", 1e-3),
-    field("gyro_z", "zgyro", 1e-3),
-    field("accel_x", "xacc", MILLI_G),
-    field("accel_y", "yacc", MILLI_G),
-    field("accel_z", "zacc", MILLI_G),
-];
+const SCALED: &[Entry] = &inertial(MAVLINK, 1e-3, MILLI_G);
 
 /// A receiver of MAVLink. Course and speed are 65535 where they are unknown, the height above the
 /// ellipsoid and the accuracies are zero where the message does not have them.
@@ -112,14 +127,11 @@ const OLD_GPS: &[Entry] = &[
     field("s_acc", "s_variance_m_s", 1.0),
 ];
 
-const VECTORNAV: &[Entry] = &[
-    field("gyro_x", "gyro_x", 1.0),
-    field("gyro_y", "gyro_y", 1.0),
-    field("gyro_z", "gyro_z", 1.0),
-    field("accel_x", "accel_x", 1.0),
-    field("accel_y", "accel_y", 1.0),
-    field("accel_z", "accel_z", 1.0),
-];
+/// Fields that are named after their channels.
+const OWN: [&str; 6] = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"];
+const VECTORNAV: &[Entry] = &inertial(OWN, 1.0, 1.0);
+/// Fields of MAVLink.
+const MAVLINK: [&str; 6] = ["xgyro", "ygyro", "zgyro", "xacc", "yacc", "zacc"];
 
 const INCREMENTS: &[Entry] = &[
     field("dtheta_x", "dtheta_x", 1.0),
@@ -212,17 +224,7 @@ const KNOWN: &[Known] = &[
             field("height", "alt", 1.0),
         ],
     ),
-    known(
-        "HIGHRES_IMU",
-        &[
-            field("gyro_x", "xgyro", 1.0),
-            field("gyro_y", "ygyro", 1.0),
-            field("gyro_z", "zgyro", 1.0),
-            field("accel_x", "xacc", 1.0),
-            field("accel_y", "yacc", 1.0),
-            field("accel_z", "zacc", 1.0),
-        ],
-    ),
+    known("HIGHRES_IMU", &inertial(MAVLINK, 1.0, 1.0)),
     known("SCALED_IMU", SCALED),
     known("SCALED_IMU2", SCALED),
     known("SCALED_IMU3", SCALED),
@@ -233,15 +235,7 @@ const KNOWN: &[Known] = &[
     // the second and the third sensor of a submarine vehicle measure the water
     known("SCALED_PRESSURE2", WATER_PRESSURE),
     known("SCALED_PRESSURE3", WATER_PRESSURE),
-    known(
-        "ATTITUDE",
-        &[
-            field("roll", "roll", 1.0),
-            field("pitch", "pitch", 1.0),
-            field("yaw", "yaw", 1.0),
-            field("heading", "yaw", 1.0),
-        ],
-    ),
+    known("ATTITUDE", &attitude(["roll", "pitch", "yaw"], 1.0)),
     known(
         "GLOBAL_POSITION_INT",
         &[

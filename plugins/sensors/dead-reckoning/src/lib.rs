@@ -7,7 +7,7 @@ mod ahrs;
 mod process;
 
 pub use ahrs::Ahrs;
-pub use process::{DeadReckoning, InitialVelocity};
+pub use process::DeadReckoning;
 
 use navfuse_core::plugin::{Need, Plugin, Registry};
 

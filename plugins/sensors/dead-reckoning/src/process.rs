@@ -31,22 +31,12 @@ pub struct DeadReckoning {
     /// that changes its speed by `s` within `t` seconds needs about `s / sqrt(t)`.
     pub acceleration: Sigma<Triple<AccelerationNoise>>,
     /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
-    pub velocity: InitialVelocity,
+    pub velocity: InitialValue<Triple<Speed>>,
     /// Position: prior sigma north, east, down, and the initial value where no reference gives it.
     pub position: InitialPosition,
     /// Turn of the vehicle while the AHRS is silent, as white noise. Default: 5 deg/s/sqrt(Hz).
     #[serde(default = "five_degrees")]
     pub turn: Sigma<AngularRateNoise>,
-}
-
-/// Prior and initial value of the velocity.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct InitialVelocity {
-    /// Prior 1-sigma, one value, or north, east, down.
-    pub sigma: Sigma<Triple<Speed>>,
-    /// Initial value; left out where a reference gives it.
-    pub initial: Option<Triple<Speed>>,
 }
 
 fn ahrs() -> String {
@@ -82,9 +72,7 @@ impl ProcessType for DeadReckoning {
         let white = Vector3::repeat(ahrs.noise.value().si());
         let attitude = constant(sigma + white, Dynamics::Constant, display::ANGLES);
         let attitude = composer.block("attitude", attitude)?;
-        let InitialVelocity { sigma: prior, initial } = self.velocity;
-        let velocity = InitialValue { sigma: prior, initial };
-        let velocity = velocity.block(composer, "velocity", display::VELOCITY)?;
+        let velocity = self.velocity.block(composer, "velocity", display::VELOCITY)?;
         let velocity = composer.block("velocity", velocity)?;
         let position = self.position.block(composer)?;
         let position = composer.block("position", position)?;

@@ -1,8 +1,8 @@
 //! The channels of ArduPilot DataFlash, u-blox, Nortek Nucleus and PSINS.
 
 use super::{
-    DEGREE, E7, Entry, INCREMENTS, Known, PASCAL, SEA_LEVEL, Term, entry, field, known, unless,
-    valid,
+    DEGREE, E7, Entry, INCREMENTS, Known, OWN, PASCAL, SEA_LEVEL, Term, attitude, entry, field,
+    inertial, known, unless, valid,
 };
 
 /// Degrees per second, and metres per second squared, of a count of `ESF-MEAS`.
@@ -17,14 +17,7 @@ const SBF_UNKNOWN: f64 = 65_535.0;
 const UNKNOWN: f64 = 4_294_967_295.0;
 
 /// The inertial units of DataFlash.
-const RATES: &[Entry] = &[
-    field("gyro_x", "GyrX", 1.0),
-    field("gyro_y", "GyrY", 1.0),
-    field("gyro_z", "GyrZ", 1.0),
-    field("accel_x", "AccX", 1.0),
-    field("accel_y", "AccY", 1.0),
-    field("accel_z", "AccZ", 1.0),
-];
+const RATES: &[Entry] = &inertial(["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"], 1.0, 1.0);
 
 const TRACK: &[Entry] = &[
     field("vel_x", "velocity_x", 1.0),
@@ -60,15 +53,7 @@ pub const KNOWN: &[Known] = &[
             unless(field("s_acc", "SAcc", 1.0), 0.0),
         ],
     ),
-    known(
-        "ATT",
-        &[
-            field("roll", "Roll", DEGREE),
-            field("pitch", "Pitch", DEGREE),
-            field("yaw", "Yaw", DEGREE),
-            field("heading", "Yaw", DEGREE),
-        ],
-    ),
+    known("ATT", &attitude(["Roll", "Pitch", "Yaw"], DEGREE)),
     known(
         "POS",
         &[field("lat", "Lat", DEGREE), field("lon", "Lng", DEGREE), field("height", "Alt", 1.0)],
@@ -112,17 +97,7 @@ pub const KNOWN: &[Known] = &[
             field("speed", "speed", 1e-3),
         ],
     ),
-    known(
-        "NUCLEUS-IMU",
-        &[
-            field("gyro_x", "gyro_x", 1.0),
-            field("gyro_y", "gyro_y", 1.0),
-            field("gyro_z", "gyro_z", 1.0),
-            field("accel_x", "accel_x", 1.0),
-            field("accel_y", "accel_y", 1.0),
-            field("accel_z", "accel_z", 1.0),
-        ],
-    ),
+    known("NUCLEUS-IMU", &inertial(OWN, 1.0, 1.0)),
     known(
         "NUCLEUS-AHRS",
         &[
@@ -170,25 +145,7 @@ pub const KNOWN: &[Known] = &[
             ],
         ),
     ),
-    known(
-        "AttEuler",
-        &[
-            field("roll", "Roll", DEGREE),
-            field("pitch", "Pitch", DEGREE),
-            field("yaw", "Heading", DEGREE),
-            field("heading", "Heading", DEGREE),
-        ],
-    ),
-    known(
-        "ExtSensorMeas",
-        &[
-            field("gyro_x", "gyro_x", DEGREE),
-            field("gyro_y", "gyro_y", DEGREE),
-            field("gyro_z", "gyro_z", DEGREE),
-            field("accel_x", "accel_x", 1.0),
-            field("accel_y", "accel_y", 1.0),
-            field("accel_z", "accel_z", 1.0),
-        ],
-    ),
+    known("AttEuler", &attitude(["Roll", "Pitch", "Heading"], DEGREE)),
+    known("ExtSensorMeas", &inertial(OWN, DEGREE, 1.0)),
     known("PSINS", INCREMENTS),
 ];
