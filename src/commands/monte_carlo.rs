@@ -23,6 +23,7 @@ Examples:
 
 Each run draws the initial errors from the priors, fresh noise, and the truth of every state for
 which the scenario states none. The command writes:
+  campaign.html    a page with the verdict, the tables, the plots and the runs to look at
   report.json      the tables that it prints
   epochs.parquet   RMSE, sigma, bound, ANEES and NIS over time
   runs.parquet     one row for each run and epoch: errors, sigmas, NEES, NIS

@@ -49,7 +49,7 @@ pub struct Observability {
     /// be given again [default: the states that are not determined when it begins]
     #[arg(long = "for", value_name = "STATE", requires = "suggest")]
     pub of: Vec<String>,
-    /// Folder for the report (JSON) and the figure of normalised sigmas (SVG)
+    /// Folder for the report (JSON, HTML) and the figure of normalised sigmas (SVG)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Form of the report
@@ -277,6 +277,7 @@ fn write(report: &ObservabilityReport, out: &Path, text: bool) -> Result<()> {
     let figure = report.figure();
     let files = [
         ("observability.json".to_owned(), serde_json::to_string_pretty(report)?),
+        ("observability.html".to_owned(), navfuse_report::observability::page(report)?),
         (format!("{}.svg", figure.name), navfuse_figures::svg(&figure)?),
     ];
     write_files(out, files, text)

@@ -324,6 +324,11 @@ fn draw(
             output::write(&path, &navfuse_figures::svg(figure)?)?;
             files.push(path);
         }
+        let page =
+            navfuse_report::campaign::page(campaign, results, &figures, |c| kind.shown.shows(c))?;
+        let path = out.join("campaign.html");
+        output::write(&path, &page)?;
+        files.push(path);
         #[cfg(feature = "rerun")]
         if campaign.keys.is_empty() {
             let path = out.join("campaign.rrd");

@@ -79,6 +79,7 @@ fn is_the_same(campaign: &[&str], counts: &[usize], names: &[&str]) {
 fn a_campaign_is_the_same_to_the_byte_on_two_threads_and_in_seven_shards() {
     let names = [
         "bounds.parquet",
+        "campaign.html",
         "campaign.json",
         "consistency.svg",
         "epochs.parquet",
@@ -97,6 +98,7 @@ fn a_campaign_is_the_same_to_the_byte_on_two_threads_and_in_seven_shards() {
 fn a_sweep_with_runs_is_the_same_in_shards_that_cut_through_its_points() {
     let names = [
         "bounds.parquet",
+        "campaign.html",
         "campaign.json",
         "epochs.parquet",
         "report.json",
@@ -119,7 +121,7 @@ fn a_sweep_with_runs_is_the_same_in_shards_that_cut_through_its_points() {
 
 #[test]
 fn a_bound_is_the_same_in_shards_and_writes_no_tables_of_runs() {
-    let names = ["bound.svg", "bounds.parquet", "campaign.json", "report.json"];
+    let names = ["bound.svg", "bounds.parquet", "campaign.html", "campaign.json", "report.json"];
     is_the_same(&[&["bound", &path("quickstart")], &SHORT[..]].concat(), &[2], &names);
 }
 

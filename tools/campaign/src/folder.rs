@@ -24,7 +24,7 @@ pub const BOUNDS: &str = "bounds.parquet";
 const EPOCHS: &str = "epochs.parquet";
 const REPORT: &str = "report.json";
 /// Names of all files that a campaign of any kind writes.
-const ALL: [&str; 12] = [
+const ALL: [&str; 13] = [
     CAMPAIGN,
     RUNS,
     BOUNDS,
@@ -37,6 +37,7 @@ const ALL: [&str; 12] = [
     "bound.svg",
     "sweep.svg",
     "campaign.rrd",
+    "campaign.html",
 ];
 
 /// Content of `campaign.json`.

@@ -206,9 +206,9 @@ impl PointReport {
 
 impl WorstRun {
     fn new(campaign: &Campaign, number: usize, point: &PointStatistics) -> Option<Self> {
-        let (run, nees, failure) = match (point.failures.first(), point.worst) {
+        let (run, nees, failure) = match (point.failures.first(), point.worst().first()) {
             (Some((run, reason)), _) => (*run, None, Some(reason.clone())),
-            (None, Some((run, nees))) => (run, Some(nees), None),
+            (None, Some((run, nees))) => (*run, Some(*nees), None),
             (None, None) => return None,
         };
         Some(Self {

@@ -16,9 +16,8 @@ pub struct PointStatistics {
     pub runs: usize,
     /// Runs that ended early: number and reason.
     pub failures: Vec<(usize, String)>,
-    /// Among the runs that reached their end, the run with the largest NEES of the whole state
-    /// there, and that NEES.
-    pub worst: Option<(usize, f64)>,
+    /// Runs that reached their end, each with the NEES of the whole state there.
+    pub nees: Vec<(usize, f64)>,
     /// Runs by what a user learns from them alone.
     pub outcomes: Outcomes,
     /// Runs by the level of their own verdict.
@@ -134,7 +133,7 @@ impl PointStatistics {
             from: from.unwrap_or(f64::NEG_INFINITY),
             runs: 0,
             failures: Vec::new(),
-            worst: None,
+            nees: Vec::new(),
             outcomes: Outcomes::default(),
             judged: Judged::default(),
             bound: None,
@@ -151,8 +150,8 @@ impl PointStatistics {
                 self.runs += 1;
                 let nees =
                     run.rows.last().map_or(f64::NAN, |row| row.values[Row::nees_at(columns)]);
-                if !nees.is_nan() && self.worst.is_none_or(|(_, worst)| nees > worst) {
-                    self.worst = Some((run.run, nees));
+                if !nees.is_nan() {
+                    self.nees.push((run.run, nees));
                 }
             }
             Some(reason) => {
@@ -166,6 +165,13 @@ impl PointStatistics {
                 .or_insert_with(|| EpochStatistics::new(columns, row.time))
                 .add(columns, row);
         }
+    }
+
+    /// Returns the runs that reached their end, in order of the NEES there, the largest first.
+    pub fn worst(&self) -> Vec<(usize, f64)> {
+        let mut runs = self.nees.clone();
+        runs.sort_by(|a, b| b.1.total_cmp(&a.1));
+        runs
     }
 
     /// Iterates over the epochs in order of time, each with its number.

@@ -6,9 +6,11 @@
 //! with the same result. [`plots`] plots it, [`page`] writes the report, [`compare`] compares several
 //! runs, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
 
+pub mod campaign;
 pub mod compare;
 mod history;
 mod log;
+pub mod observability;
 pub mod page;
 pub mod pan_wu;
 pub mod plots;

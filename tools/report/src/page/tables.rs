@@ -89,7 +89,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                     th { "state" } th {} th { "prior" }
                     @if smoothed { th { "filter" } th { "smoothed" } } @else { th { "result" } }
                     @if with_truth { th { (compared_with) } th { "error" } th { "error/" wbr; "sigma" } }
-                    th { "remaining sigma" } th.name { "unit" }
+                    th { "remaining" wbr; " sigma" } th.name { "unit" }
                 } }
                 tbody {
                     @for block in blocks {
@@ -208,7 +208,7 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
 
 /// Creates the table of the states' observability: the verdict, its time, the sensors, and what is
 /// missing.
-pub(super) fn verdicts(observed: &ObservabilityReport) -> Markup {
+pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
     let contributions = |by: &std::collections::BTreeMap<String, f64>| {
         let mut by: Vec<_> = by.iter().filter(|(_, bits)| **bits >= 0.05).collect();
         by.sort_by(|a, b| b.1.total_cmp(a.1));
@@ -231,7 +231,8 @@ pub(super) fn verdicts(observed: &ObservabilityReport) -> Markup {
                         }
                         td { @if let Some(since) = state.since_s { (seconds(since)) } }
                         td { (number(state.normalised, state.normalised)) }
-                        td { (format!("{:.1}", state.bits)) }
+                        // no sign before a zero
+                        td { (format!("{:.1}", (10.0 * state.bits).round() / 10.0 + 0.0)) }
                         td.name { (contributions(&state.information)) }
                         td.text { (state.missing.as_deref().unwrap_or_default()) }
                     }
