@@ -48,6 +48,7 @@ pub fn nees(dimension: usize, values: &[f64]) -> Option<(Figure, usize)> {
 }
 
 #[cfg(test)]
+#[allow(clippy::expect_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
