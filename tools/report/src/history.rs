@@ -1,5 +1,6 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
+use crate::quality::Residuals;
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
@@ -86,6 +87,21 @@ pub struct Filtered {
     pub first: Row,
     /// Last estimate.
     pub last: Row,
+    /// Estimates over time, as [`BlockHistory::rows`].
+    pub rows: Thin<Row>,
+}
+
+impl Filtered {
+    fn new(row: Row) -> Self {
+        let mut new = Self { first: row.clone(), last: row.clone(), rows: Thin::default() };
+        new.rows.push(row);
+        new
+    }
+
+    fn push(&mut self, row: Row) {
+        self.last = row.clone();
+        self.rows.push(row);
+    }
 }
 
 /// Estimate of a block at one epoch, in display units.
@@ -198,11 +214,8 @@ impl RunHistory {
             None => self.waiting.iter_mut().find(|(of, _)| of == name).map(|(_, f)| f),
         };
         match known {
-            Some(filtered) => filtered.last = row,
-            None => {
-                let filtered = Filtered { first: row.clone(), last: row };
-                self.waiting.push((name.to_owned(), filtered));
-            }
+            Some(filtered) => filtered.push(row),
+            None => self.waiting.push((name.to_owned(), Filtered::new(row))),
         }
     }
 
@@ -248,6 +261,11 @@ impl RunHistory {
             freedom += 1.0;
         }
         let updates = &mut sensor.updates;
+        if matches!(fate, Fate::Accepted | Fate::Gated) {
+            updates.residuals.resize_with(count, Residuals::default);
+            let normalised = row.innovation.iter().zip(&row.sigma).map(|(z, sigma)| z / sigma);
+            updates.residuals.iter_mut().zip(normalised).for_each(|(all, z)| all.push(z));
+        }
         match fate {
             Fate::Accepted => {
                 updates.outcomes.accepted += 1;

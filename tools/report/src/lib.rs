@@ -14,6 +14,7 @@ pub mod observability;
 pub mod page;
 pub mod pan_wu;
 pub mod plots;
+pub mod quality;
 mod results;
 mod sensors;
 mod sink;

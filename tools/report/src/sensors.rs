@@ -1,5 +1,6 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
+use crate::quality::Residuals;
 use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
@@ -43,8 +44,11 @@ impl Merge for Envelope {
     }
 }
 
+/// Largest number of innovations in a plot: dots, which need more room than the points of a line.
+const DOTS: usize = 512;
+
 /// Outcomes of the samples of a sensor.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Updates {
     /// Numbers of samples. Of a driving sensor, the rejected ones alone.
     pub outcomes: Outcomes<String>,
@@ -55,8 +59,23 @@ pub struct Updates {
     pub innovations: Thin<Innovation>,
     /// Every n-th gated innovation; all, unless there are very many.
     pub outliers: Thin<Innovation>,
+    /// Accepted and gated innovations of each channel over their sigma.
+    pub residuals: Vec<Residuals>,
     /// Sums of `nis` over time.
     pub consistency: Thin<Consistency>,
+}
+
+impl Default for Updates {
+    fn default() -> Self {
+        Self {
+            outcomes: Outcomes::default(),
+            nis: [0.0; 2],
+            innovations: Thin::with_rows(DOTS),
+            outliers: Thin::with_rows(DOTS),
+            residuals: Vec::new(),
+            consistency: Thin::default(),
+        }
+    }
 }
 
 /// Innovation of a sample.

@@ -5,7 +5,7 @@ mod facts;
 pub(crate) mod tables;
 
 use crate::history::{BlockHistory, RunHistory};
-use crate::plots;
+use crate::{plots, quality};
 use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_figures::{Figure, FigureError, Look, svg};
@@ -17,7 +17,7 @@ const SCRIPT: &str = include_str!("../page.js");
 const STYLE: &str = include_str!("../page.css");
 
 /// Sections of the report: the anchor and the name.
-const SECTIONS: [(&str, &str); 11] = [
+const SECTIONS: [(&str, &str); 12] = [
     ("result", "Result"),
     (SMOOTHING, "Smoothed run"),
     ("trajectory", "Trajectory"),
@@ -25,6 +25,7 @@ const SECTIONS: [(&str, &str); 11] = [
     ("sensors", "Sensors"),
     ("states", "States"),
     ("innovations", "Innovations"),
+    ("quality", "Quality"),
     ("observability", "Observability"),
     ("samples", "Samples"),
     ("events", "Events"),
@@ -173,6 +174,27 @@ pub fn report(
                     @for figure in figures.iter().flatten() {
                         (picture(figure, &tables::shown(sensor))?)
                     }
+                }
+            }
+            section #quality {
+                h2 { "Quality" }
+                p.note {
+                    "These figures need no truth. The innovations of a consistent filter, divided by "
+                    "their sigma, follow the normal distribution, and each is independent of the one "
+                    "before. Gated samples count."
+                }
+                @for sensor in measuring() {
+                    @if let Some(figure) = quality::residuals(sensor) {
+                        h3 { (sensor.name) }
+                        (picture(&figure, &html! {})?)
+                    }
+                }
+                @if let Some(figure) = quality::separation(history.blocks.iter()) {
+                    h3 { "Filter against smoother" }
+                    (picture(&figure, &html! {
+                        "The difference of the two estimates over its sigma. A value beyond 3 "
+                        "contradicts one of the two sigmas."
+                    })?)
                 }
             }
             section #observability {

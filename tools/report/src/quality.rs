@@ -1,0 +1,276 @@
+//! Quality of a run without a truth: the distribution and the correlation of the innovations, and the
+//! filter against the smoother.
+
+use crate::history::{BlockHistory, Row, displacement};
+use crate::plots::{curve, label, over_time};
+use crate::sensors::SensorHistory;
+use navfuse_figures::{Axis, Band, Figure, Look, Panel};
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
+use std::collections::VecDeque;
+
+/// Right edge of the histogram, sigma; the outer bars hold everything beyond.
+const EDGE: f64 = 5.0;
+/// Bars of the histogram, half a sigma wide.
+const BARS: usize = 20;
+/// Largest lag of the autocorrelation, samples.
+const LAGS: usize = 32;
+/// Fewest innovations that a figure shows something of.
+const FEWEST: u64 = 50;
+/// Probability outside the bands.
+const ALPHA: f64 = 0.05;
+
+/// Innovations of a channel over their sigma, those that the gate refused included: a consistent
+/// filter has independent ones of unit variance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Residuals {
+    count: u64,
+    bars: [u64; BARS],
+    squares: f64,
+    /// Sums of the products of two values `lag + 1` apart.
+    products: [f64; LAGS],
+    /// The last values, the newest first.
+    last: VecDeque<f64>,
+}
+
+impl Residuals {
+    /// Adds an innovation over its sigma; one that is not finite is left out.
+    pub(crate) fn push(&mut self, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        self.count += 1;
+        let place = (value + EDGE) * BARS as f64 / (2.0 * EDGE);
+        self.bars[place.clamp(0.0, (BARS - 1) as f64) as usize] += 1;
+        // one wild value would hide the correlation of all others
+        let value = value.clamp(-EDGE, EDGE);
+        self.squares += value * value;
+        self.products.iter_mut().zip(&self.last).for_each(|(sum, before)| *sum += value * before);
+        self.last.truncate(LAGS - 1);
+        self.last.push_front(value);
+    }
+
+    /// Plots the histogram beside the normal distribution, with the band of each bar.
+    fn histogram(&self, title: &str) -> Panel {
+        let normal = Normal::standard();
+        let edge = |bar: usize| match bar {
+            0 => f64::NEG_INFINITY,
+            BARS => f64::INFINITY,
+            _ => place(bar),
+        };
+        let (mut seen, mut expected, mut chance) = (Vec::new(), Vec::new(), Vec::new());
+        for (bar, count) in self.bars.iter().enumerate() {
+            let probability = normal.cdf(edge(bar + 1)) - normal.cdf(edge(bar));
+            let [low, high] = [place(bar), place(bar + 1)];
+            let height = *count as f64;
+            seen.extend([[low, height], [high, height]]);
+            let mean = probability * self.count as f64;
+            expected.extend([[low, mean], [high, mean]]);
+            let counts = Binomial::new(probability, self.count);
+            let limits = |p: f64| counts.map_or(f64::NAN, |c| c.inverse_cdf(p) as f64);
+            let [least, most] = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(limits);
+            chance.extend([[low, least, most], [high, least, most]]);
+        }
+        Panel {
+            title: title.into(),
+            x: Axis::linear("innovation / sigma"),
+            y: Axis::linear("samples"),
+            curves: vec![
+                curve("expected", Look::Bound, expected.into_iter()),
+                curve("seen", Look::Data(0), seen.into_iter()),
+            ],
+            bands: vec![Band { name: "95 % band".into(), points: chance }],
+        }
+    }
+
+    /// Plots the autocorrelation, with the band of independent innovations.
+    fn autocorrelation(&self) -> Panel {
+        let width = -Normal::standard().inverse_cdf(0.5 * ALPHA) / (self.count as f64).sqrt();
+        let ends = [1.0, LAGS as f64];
+        let values =
+            self.products.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, sum / self.squares]);
+        Panel {
+            title: String::new(),
+            x: Axis::linear("lag [samples]"),
+            y: Axis::linear("autocorrelation"),
+            curves: vec![
+                curve("expected", Look::Bound, ends.into_iter().map(|lag| [lag, 0.0])),
+                curve("seen", Look::Data(0), values),
+            ],
+            bands: vec![Band {
+                name: "95 % band".into(),
+                points: ends.map(|lag| [lag, -width, width]).to_vec(),
+            }],
+        }
+    }
+}
+
+/// Left edge of a bar, sigma.
+fn place(bar: usize) -> f64 {
+    2.0 * EDGE * bar as f64 / BARS as f64 - EDGE
+}
+
+/// Plots the histogram and the autocorrelation of a sensor's innovations, a column for each channel.
+/// `None` for a sensor with too few of them.
+pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
+    let channels = sensor.channels.iter().zip(&sensor.updates.residuals);
+    let known: Vec<_> = channels.filter(|(_, r)| r.count >= FEWEST).collect();
+    let name = |channel: &str| crate::plots::channel(channel).0.to_owned();
+    let panels: Vec<Panel> = match known.len() {
+        0 => return None,
+        // a column for each channel, where the columns fit
+        2..=3 => (known.iter().map(|(channel, r)| r.histogram(&name(channel))))
+            .chain(known.iter().map(|(_, r)| r.autocorrelation()))
+            .collect(),
+        _ => (known.iter())
+            .flat_map(|(channel, r)| [r.histogram(&name(channel)), r.autocorrelation()])
+            .collect(),
+    };
+    let columns = if known.len() == 3 { 3 } else { 2 };
+    Some(Figure {
+        name: format!("residuals-{}", sensor.name),
+        title: String::new(),
+        columns,
+        panels,
+    })
+}
+
+/// Plots the separation of the filter from the smoother, the difference of the two estimates over
+/// its sigma, one panel for each block. The difference has the variance `P_filter - P_smoothed`
+/// (Rauch, Tung & Striebel 1965), so that a value beyond 3 contradicts one of the two sigmas. `None`
+/// for a run that is not smoothed.
+pub fn separation<'a>(blocks: impl Iterator<Item = &'a BlockHistory>) -> Option<Figure> {
+    let panels: Vec<Panel> = blocks.filter_map(separated).collect();
+    (!panels.is_empty()).then(|| Figure {
+        name: "separation".into(),
+        title: String::new(),
+        columns: 3,
+        panels,
+    })
+}
+
+fn separated(block: &BlockHistory) -> Option<Panel> {
+    let filtered = block.filtered.as_ref().filter(|_| block.uncertain())?;
+    let smoothed = block.rows.rows();
+    let pairs = || {
+        let same = |f: &&Row| smoothed.binary_search_by(|s| s.time.total_cmp(&f.time));
+        filtered.rows.rows().iter().filter_map(move |f| Some((f, &smoothed[same(&f).ok()?])))
+    };
+    let curves: Vec<_> = (0..block.components.len())
+        .map(|k| {
+            let points = pairs().filter_map(|(f, s)| {
+                Some([f.time, difference(block, k, f, s)? / spread(f.sigma[k], s.sigma[k])?])
+            });
+            curve(block.axis(k), Look::Data(k), points)
+        })
+        .collect();
+    let ends = [block.first.time, block.last.time];
+    let band = Band { name: "±3 sigma".into(), points: ends.map(|t| [t, -3.0, 3.0]).to_vec() };
+    let any = curves.iter().any(|c| !c.points.is_empty());
+    any.then(|| {
+        over_time(
+            &*block.name,
+            Axis::linear(label("filter - smoothed", "sigma")),
+            curves,
+            vec![band],
+        )
+    })
+}
+
+/// Filter minus smoother, in the unit of sigma.
+fn difference(block: &BlockHistory, k: usize, filter: &Row, smoothed: &Row) -> Option<f64> {
+    if block.geodetic {
+        return displacement(&filter.estimate, &smoothed.estimate).get(k).copied();
+    }
+    let difference = filter.estimate.get(k)? - smoothed.estimate.get(k)?;
+    // an angle has no end
+    Some(if block.unit == "deg" {
+        (difference + 180.0).rem_euclid(360.0) - 180.0
+    } else {
+        difference
+    })
+}
+
+/// Sigma of the difference; `None` where the smoother knows hardly more than the filter, and the
+/// difference of the variances is lost in their digits.
+fn spread(filter: f64, smoothed: f64) -> Option<f64> {
+    let share = 1.0 - (smoothed / filter).powi(2);
+    (share > 1e-3).then(|| filter * share.sqrt())
+}
+
+#[cfg(test)]
+#[allow(clippy::expect_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    /// Standard normal values by a linear congruential generator, which are independent enough here.
+    fn white(count: usize) -> Vec<f64> {
+        let mut state = 1_u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (0.5 + (state >> 11) as f64) / (1_u64 << 53) as f64
+        };
+        (0..count).map(|_| Normal::standard().inverse_cdf(next())).collect()
+    }
+
+    fn collected(values: &[f64]) -> Residuals {
+        let mut all = Residuals::default();
+        values.iter().for_each(|v| all.push(*v));
+        all
+    }
+
+    /// Share of the values of the second curve that lie in the band; a bar has two points.
+    fn inside(panel: &Panel) -> f64 {
+        let edges = |k: usize| {
+            let band = &panel.bands[0].points;
+            band[k.min(band.len() - 1)]
+        };
+        let points = &panel.curves[1].points;
+        let held = points.iter().enumerate().filter(|(k, [_, y])| {
+            let [_, low, high] = edges(*k);
+            (low..=high).contains(y)
+        });
+        held.count() as f64 / points.len() as f64
+    }
+
+    #[test]
+    fn independent_innovations_of_unit_variance_stay_in_the_bands() {
+        let all = collected(&white(4000));
+        // of 20 bars and of 32 lags at 95 %, fewer than 5 outside have a probability above 0.97
+        assert!(inside(&all.histogram("")) > 0.75);
+        assert!(inside(&all.autocorrelation()) > 0.84);
+    }
+
+    #[test]
+    fn a_sigma_too_small_by_a_half_leaves_the_bell_and_a_slow_error_is_correlated() {
+        let wide: Vec<f64> = white(4000).iter().map(|v| 1.5 * v).collect();
+        assert!(inside(&collected(&wide).histogram("")) < 0.3);
+        let mut slow = 0.0;
+        let slow: Vec<f64> = (white(4000).iter())
+            .map(|v| {
+                slow = 0.9 * slow + (1.0 - 0.81_f64).sqrt() * v;
+                slow
+            })
+            .collect();
+        let panel = collected(&slow).autocorrelation();
+        // 0.9^k of a Gauss-Markov process, to five deviations: (1 + 0.81) / (1 - 0.81) / 4000
+        assert!((panel.curves[1].points[0][1] - 0.9).abs() < 0.05);
+        assert!((panel.curves[1].points[9][1] - 0.9_f64.powi(10)).abs() < 0.25);
+    }
+
+    #[test]
+    fn a_wild_or_missing_innovation_spoils_nothing() {
+        let mut values = white(400);
+        values.extend([f64::NAN, f64::INFINITY, 1e9]);
+        let all = collected(&values);
+        assert_eq!((all.count, all.bars[BARS - 1]), (401, 1));
+        assert!(all.squares < 600.0);
+    }
+
+    #[test]
+    fn the_separation_is_not_computed_where_the_smoother_adds_nothing() {
+        assert_eq!(spread(1.0, 1.0), None);
+        assert!((spread(1.0, 0.6).expect("a difference") - 0.8).abs() < 1e-12);
+    }
+}
