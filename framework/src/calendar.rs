@@ -130,12 +130,16 @@ fn days(year: i32, month: u8, day: u8) -> Option<i64> {
     Some(years + months + i64::from(day) - 1)
 }
 
-/// Parses `2022-06-01` and, after it, `T08:30:00.25Z`; returns nanoseconds since 1970, and
-/// whether there is a time of the day.
+/// Parses `2022-06-01` and, after it, `T08:30:00.25Z` or `T09:30:00.25+01:00`; returns nanoseconds
+/// since 1970, and whether there is a time of the day.
 pub fn parse(text: &str) -> Option<(i64, bool)> {
     let (date, time) = match text.split_once(['T', ' ']) {
         Some((date, time)) => (date, Some(time.strip_suffix('Z').unwrap_or(time))),
         None => (text, None),
+    };
+    let (time, zone) = match time.and_then(|time| Some((time, time.rfind(['+', '-'])?))) {
+        Some((time, at)) => (Some(time[..at].trim_end()), zone(&time[at..])?),
+        None => (time, 0),
     };
     let mut parts = date.splitn(3, '-');
     let mut next = || parts.next().filter(|p| p.bytes().all(|b| b.is_ascii_digit()));
@@ -150,7 +154,19 @@ pub fn parse(text: &str) -> Option<(i64, bool)> {
         Some(seconds) => decimal_seconds(seconds.as_bytes())?,
         None => (0, 0),
     };
-    Some((midnight + time_of_day(hour, minute, second, nanos)?, true))
+    Some((midnight + time_of_day(hour, minute, second, nanos)? - zone, true))
+}
+
+/// The nanoseconds by which a zone such as `+01:00` or `-0330` is ahead of UTC.
+fn zone(text: &str) -> Option<i64> {
+    let sign = if text.starts_with('-') { -1 } else { 1 };
+    let digits = || text[1..].bytes().filter(|b| *b != b':');
+    let number = |from: usize| {
+        let mut two = digits().skip(from).take(2);
+        two.try_fold(0_u8, |n, b| b.is_ascii_digit().then(|| n * 10 + (b - b'0')))
+    };
+    let known = matches!(digits().count(), 2 | 4);
+    Some(sign * time_of_day(number(0).filter(|_| known)?, number(2)?, 0, 0)?)
 }
 
 /// Parses seconds with decimals, `05.25`, into seconds and nanoseconds.
@@ -186,6 +202,22 @@ mod tests {
             assert_eq!(nanos / SECOND, seconds, "{text}");
         }
         assert_eq!(parse("2017-05-24T11:50:13.4").unwrap().0 % SECOND, 400_000_000);
+    }
+
+    #[test]
+    fn a_zone_is_subtracted() {
+        let utc = parse("2021-02-28T23:30:00.5Z");
+        for text in [
+            "2021-03-01T00:30:00.5+01:00",
+            "2021-03-01 00:30:00.5 +0100",
+            "2021-03-01 00:30:00.5+01",
+            "2021-02-28T20:00:00.5-03:30",
+        ] {
+            assert_eq!(parse(text), utc, "{text}");
+        }
+        for wrong in ["2021-03-01T00:30:00+1", "2021-03-01T00:30:00+25:00", "2021-03-01T00:30-x"] {
+            assert_eq!(parse(wrong), None, "{wrong}");
+        }
     }
 
     #[test]

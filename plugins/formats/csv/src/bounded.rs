@@ -2,6 +2,7 @@
 //! points, and in rows of a bounded length. A file without line ends, or with a quotation mark that is never closed, would otherwise
 //! fill the memory with one row.
 
+use crate::folder::{Folder, is_folder};
 use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
@@ -43,25 +44,46 @@ pub struct Bounded {
 }
 
 impl Bounded {
+    /// The file at a path, or the rows of a folder.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn open(path: &Path, buffer: usize, form: Form) -> io::Result<Self> {
+        match is_folder(path) {
+            true => Self::new(Folder::open(path)?, true, buffer, form),
+            false => Self::file(input::open(path)?, buffer, form),
+        }
+    }
+
     /// A file that is read through a buffer of this size in bytes.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn new(mut file: Input, buffer: usize, form: Form) -> io::Result<Self> {
+    fn file(mut file: Input, buffer: usize, form: Form) -> io::Result<Self> {
         let mut magic = Vec::new();
         (&mut file).take(ZSTD.len() as u64).read_to_end(&mut magic)?;
         let zipped = magic.starts_with(&GZIP) || magic == ZSTD;
-        let file: Box<dyn Read + Send> = if magic.starts_with(&GZIP) {
+        if zipped {
             file.seek(SeekFrom::Start(0))?;
-            Box::new(MultiGzDecoder::new(file))
-        } else if magic == ZSTD {
-            file.seek(SeekFrom::Start(0))?;
-            Box::new(zstd::Decoder::new(file)?)
+        }
+        if magic.starts_with(&GZIP) {
+            Self::new(MultiGzDecoder::new(file), true, buffer, form)
+        } else if zipped {
+            Self::new(zstd::Decoder::new(file)?, true, buffer, form)
         } else {
             // a pipe has no beginning to go back to
-            Box::new(io::Cursor::new(magic).chain(file))
-        };
-        let (file, decoded) = in_utf8(file)?;
+            Self::new(io::Cursor::new(magic).chain(file), false, buffer, form)
+        }
+    }
+
+    /// Bytes; `changed` if they are not those of the file on the disk.
+    fn new(
+        bytes: impl Read + Send + 'static,
+        changed: bool,
+        buffer: usize,
+        form: Form,
+    ) -> io::Result<Self> {
+        let (file, decoded) = in_utf8(Box::new(bytes))?;
         Ok(Self {
             file,
             buffer,
@@ -69,7 +91,7 @@ impl Bounded {
             form,
             spaces: Spaces::default(),
             line_begins: true,
-            changed: zipped || decoded || form.joined,
+            changed: changed || decoded || form.joined,
             given: 0,
             last: b'\n',
         })
@@ -131,9 +153,7 @@ fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, 
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    Bounded::new(input::open(path)?, buffer, Form::default())?
-        .take(most)
-        .read_to_end(&mut bytes)?;
+    Bounded::open(path, buffer, Form::default())?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

@@ -1,14 +1,17 @@
 //! The columns of the time and the channels of a sensor, and their conversion to SI.
 
-use crate::config::{FileConfig, Notation};
+use crate::config::{Column, FileConfig, Notation};
 use crate::headings::Wanted;
 use crate::stamp::TimeCell;
+use csv::ByteRecord;
+use nalgebra::Vector3;
 use navfuse_core::document::did_you_mean;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Channel;
-use navfuse_core::units::{Unit, column_suffix};
+use navfuse_core::units::{Unit, column_suffix, parse_unit};
 
 /// The column of a channel.
 pub struct ChannelCell {
@@ -19,20 +22,84 @@ pub struct ChannelCell {
     unit: Option<Unit>,
     scale: f64,
     notation: Notation,
+    /// Latitude, longitude or height of Earth-fixed coordinates; north or east of a course.
+    axis: usize,
+    /// Column of the course.
+    course: Option<usize>,
+    /// Pressure at the surface, Pa, and pascals of one metre of water, for a depth from a pressure.
+    pressure: Option<[f64; 2]>,
 }
 
+/// Standard atmosphere, Pa; density of sea water, kg/m^3; standard gravity, m/s^2.
+const ATMOSPHERE: f64 = 101_325.0;
+const SEA_WATER: f64 = 1025.0;
+const GRAVITY: f64 = 9.806_65;
+/// Longest text of a cell in a notation of its own.
+const LONGEST: usize = 64;
+
 impl ChannelCell {
-    /// Converts a number of the column to SI.
-    pub fn to_si(&self, number: f64) -> f64 {
+    /// The value of a row in SI: `None` for an empty cell, NaN for one that holds no number.
+    pub fn value(&self, record: &ByteRecord) -> Option<f64> {
+        let cell = |k: usize| record.get(self.column + k).unwrap_or_default().trim_ascii();
+        if cell(0).is_empty() {
+            return None;
+        }
+        let number = |k: usize| -> f64 {
+            let text = std::str::from_utf8(cell(k)).ok();
+            text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
+        };
         let number = match self.notation {
-            Notation::Decimal => number,
+            Notation::Decimal => number(0) * self.along(record),
             Notation::DegreesMinutes => {
-                let degrees = (number / 100.0).trunc();
-                degrees + (number - 100.0 * degrees) / 60.0
+                let degrees = (number(0) / 100.0).trunc();
+                degrees + (number(0) - 100.0 * degrees) / 60.0
+            }
+            Notation::DegreesMinutesSeconds => {
+                let one = number(0).is_nan();
+                let cells = [cell(0), cell(1), cell(2)];
+                degrees(if one { &cells[..1] } else { &cells }).unwrap_or(f64::NAN)
+            }
+            Notation::EarthFixed => {
+                let point = Vector3::new(number(0), number(1), number(2));
+                let position = Geodetic::from_earth_fixed(&point);
+                let [lat, lon, height] = [position.latitude, position.longitude, position.height];
+                // a point near the centre is a receiver without a fix
+                let far = point.norm() > 1e6;
+                let si = [lat, lon, height][self.axis];
+                return Some(if far { si } else { f64::NAN });
             }
         };
-        self.unit.map_or(number, |u| u.to_si(number)) * self.scale
+        let si = self.unit.map_or(number, |u| u.to_si(number));
+        Some(self.pressure.map_or(si, |[surface, metre]| (si - surface) / metre) * self.scale)
     }
+
+    /// The share of a speed along north or east; one without a course.
+    fn along(&self, record: &ByteRecord) -> f64 {
+        let Some(column) = self.course else { return 1.0 };
+        let cell = record.get(column).unwrap_or_default().trim_ascii();
+        let degrees = std::str::from_utf8(cell).ok().and_then(|t| t.parse::<f64>().ok());
+        let (sin, cos) = degrees.unwrap_or(f64::NAN).to_radians().sin_cos();
+        [cos, sin][self.axis.min(1)]
+    }
+}
+
+/// Degrees of a text such as `-48 06 00.1` or `48°06'00.1"S`, whose parts may stand in several cells.
+fn degrees(cells: &[&[u8]]) -> Option<f64> {
+    let mut parts = [0.0; 3];
+    let (mut count, mut negative) = (0, false);
+    for cell in cells {
+        let text = std::str::from_utf8(cell.get(..LONGEST).unwrap_or(cell)).ok()?;
+        negative |= text.starts_with('-') || text.contains(['S', 'W', 's', 'w']);
+        let number = |c: char| c.is_ascii_digit() || c == '.';
+        for part in text.split(|c| !number(c)).filter(|part| !part.is_empty()) {
+            *parts.get_mut(count)? = part.parse::<f64>().ok()?;
+            count += 1;
+        }
+    }
+    let [degrees, minutes, seconds] = parts;
+    let valid = count > 0 && minutes < 60.0 && seconds < 60.0;
+    let sign = if negative { -1.0 } else { 1.0 };
+    valid.then_some(sign * (degrees + (minutes + seconds / 60.0) / 60.0))
 }
 
 /// The headings that a sensor needs by default.
@@ -41,8 +108,23 @@ pub fn usual_header(info: &SensorInfo) -> String {
     std::iter::once("time_s".to_owned()).chain(channels).collect::<Vec<_>>().join(",")
 }
 
-/// Finds the columns of the channels. A sensor that drives a process needs all of them; the file of
-/// another sensor may lack some.
+/// The pressure at the surface and the pascals of one metre of water, for a depth whose column has a
+/// pressure.
+fn water(channel: &str, column: &Column) -> Option<[f64; 2]> {
+    let pressure = parse_unit("Pa").ok()?.exponents();
+    let measured = column.unit.is_some_and(|unit| unit.0.exponents() == pressure);
+    (channel == "depth" && measured).then(|| {
+        let density = column.density.map_or(SEA_WATER, |d| d.si());
+        [column.atmosphere.map_or(ATMOSPHERE, |p| p.si()), density * GRAVITY]
+    })
+}
+
+/// Names of the channels of a position, and of a velocity that a course has.
+const POSITION: [&str; 3] = ["lat", "lon", "height"];
+const COURSE: [&str; 2] = ["vel_n", "vel_e"];
+
+/// Finds the columns of the channels. A sensor that drives a process needs all of them, unless the
+/// file is one of two; the file of another sensor may lack some.
 ///
 /// # Errors
 /// When a column that is needed is missing, no channel has a column, or a column is ambiguous or
@@ -51,6 +133,7 @@ pub fn channel_cells(
     info: &SensorInfo,
     config: &FileConfig,
     headings: &[String],
+    part: bool,
 ) -> Result<Vec<ChannelCell>, StreamError> {
     let (sensor, names) = (&info.name, || info.channels.iter().map(|c| &*c.name));
     if let Some(unknown) = config.columns.keys().find(|key| names().all(|c| c != key.as_str())) {
@@ -71,16 +154,40 @@ pub fn channel_cells(
         let others: Vec<&str> =
             std::iter::once("time").chain(names().filter(|n| *n != &*c.name)).collect();
         let (name, si) = (&*c.name, &*c.unit.suffix());
+        let pressure = given.and_then(|g| water(name, g));
+        let si = if pressure.is_some() { "Pa" } else { si };
+        let notation = given.map_or_else(Notation::default, |g| g.notation);
+        let earth_fixed = notation == Notation::EarthFixed;
+        let unit = unit.or(earth_fixed.then_some(c.unit));
         let wanted = Wanted { name, si, column, unit, key: &key, others: &others };
         let last = channel + 1 == info.channels.len();
-        let needed =
-            info.purpose == Purpose::Input || given.is_some() || (last && cells.is_empty());
-        let found =
-            if needed { Some(wanted.find(headings)?) } else { wanted.find_optional(headings)? };
+        let input = info.purpose == Purpose::Input && !part;
+        let needed = input || given.is_some() || (last && cells.is_empty());
+        let found = match needed {
+            true => Some(wanted.find(headings)?),
+            false => wanted.find_optional(headings)?,
+        };
         let Some(found) = found else { continue };
         let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
-        let notation = given.map_or_else(Notation::default, |g| g.notation);
-        cells.push(ChannelCell { channel, column: found.index, unit: found.unit, scale, notation });
+        let place = |names: &[&str]| names.iter().position(|name| *name == &*c.name);
+        let course = given.and_then(|g| g.course.as_ref());
+        let axis = match (earth_fixed, course) {
+            (true, _) => place(&POSITION),
+            (false, Some(_)) => place(&COURSE),
+            (false, None) => Some(0),
+        };
+        let Some(axis) = axis else {
+            let message = "lat, lon and height may be earth-fixed, vel_n and vel_e have a course";
+            return Err(StreamError::scenario(format!("{key}: {message}")));
+        };
+        let index = |heading: &String| {
+            let missing = || StreamError::format(format!("no column {heading:?}"));
+            headings.iter().position(|h| h == heading).ok_or_else(missing)
+        };
+        let course = course.map(index).transpose()?;
+        let (column, unit) = (found.index, found.unit);
+        let cell = ChannelCell { channel, column, unit, scale, notation, axis, course, pressure };
+        cells.push(cell);
     }
     Ok(cells)
 }

@@ -1,6 +1,6 @@
 //! The parameters of the source.
 
-use navfuse_core::units::{Date, Duration, Ratio, Unit, parse_unit};
+use navfuse_core::units::{Date, Density, Duration, Pressure, Ratio, Unit, parse_unit};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -24,6 +24,11 @@ pub struct Csv {
     /// exists; beside other sources, and without `directory`, only the files that are named here.
     #[serde(default)]
     pub files: BTreeMap<String, FileConfig>,
+    /// A second file of a sensor with its other channels, such as the gyroscope of a phone beside its
+    /// accelerometer, by the name of the sensor. Its channels are interpolated to the times of the
+    /// first file. Default: none.
+    #[serde(default)]
+    pub more: BTreeMap<String, FileConfig>,
 }
 
 /// The file of one sensor and its format.
@@ -50,6 +55,11 @@ pub struct FileConfig {
     pub headings: Option<Vec<String>>,
     /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
     pub decimal: Decimal,
+    /// Texts of the cells that a row must have, by heading, in a file with rows of several kinds:
+    /// `{ kind = "IMU" }`. Default: all rows are used.
+    pub rows: BTreeMap<String, String>,
+    /// Column by which a row counts as valid, such as `{ column = "fix", least = 1 }`. Default: none.
+    pub valid: Option<Valid>,
     /// A row whose channels are those of the row before is no new sample, as where a program repeats
     /// the newest fix in each row. Default: false.
     pub changes_only: bool,
@@ -70,6 +80,8 @@ impl Default for FileConfig {
             skip: 0,
             headings: None,
             decimal: Decimal::default(),
+            rows: BTreeMap::new(),
+            valid: None,
             changes_only: false,
             disorder: Disorder::default(),
             nan: Nan::default(),
@@ -111,6 +123,21 @@ pub enum Nan {
     Missing,
 }
 
+/// The column by which a row counts as valid.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Valid {
+    /// Heading of the column: a number, or `true` and `false`, `y` and `n`, which count as 1 and 0.
+    pub column: String,
+    /// Least value of a valid row. Default: 1.
+    #[serde(default = "one")]
+    pub least: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
 /// The column of a channel.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -119,22 +146,36 @@ pub struct Column {
     pub column: Option<String>,
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
+    /// Heading of the column with the course in degrees, where the column has the speed over ground,
+    /// for `vel_n` and `vel_e`. Default: none.
+    pub course: Option<String>,
+    /// Pressure at the surface, for a depth from a column of a pressure. Default: 101325 Pa where
+    /// the unit of the column is one of a pressure.
+    pub atmosphere: Option<Pressure>,
+    /// Density of the water, for this depth. Default: 1025 kg/m^3.
+    pub density: Option<Density>,
     /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
-    /// Notation of an angle: `decimal` (default), or `degrees-minutes` for ddmm.mmmm as in NMEA 0183.
+    /// Notation of a position: `decimal` (default), `degrees-minutes`, `degrees-minutes-seconds` or
+    /// `earth-fixed`.
     #[serde(default)]
     pub notation: Notation,
 }
 
-/// The notation of an angle.
+/// The notation of a position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Notation {
     /// A number of the unit.
     #[default]
     Decimal,
-    /// Degrees times 100 plus minutes.
+    /// Degrees times 100 plus minutes, ddmm.mmmm, as in NMEA 0183.
     DegreesMinutes,
+    /// Degrees, minutes and seconds, in three columns from this one on, or in one such as
+    /// `48°06'00.1"N`.
+    DegreesMinutesSeconds,
+    /// Coordinates x, y, z of Earth-fixed axes, in three columns from this one on, in m.
+    EarthFixed,
 }
 
 /// The column of the time.
@@ -145,10 +186,19 @@ pub struct TimeColumn {
     pub column: Option<String>,
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
-    /// Form of the time: `number` (default), or `date-time` for text such as
-    /// 2022-06-01T08:30:00.25Z or 2022/06/01 08:30:00.25.
+    /// Form of the time: `number` (default), `date-time` for text such as 2022-06-01T08:30:00.25Z,
+    /// 2022-06-01 10:30:00.25+02:00 or 2022/06/01 08:30:00.25, or `time-of-day` for 08:30:00.25, which
+    /// counts from midnight.
     #[serde(default)]
     pub format: TimeFormat,
+    /// Order of the parts of a date. Default: `year-month-day`.
+    #[serde(default)]
+    pub order: Order,
+    /// Headings of year, month, day, hour and minute, where the column of the time has the seconds
+    /// of the minute. Default: none.
+    pub fields: Option<[String; 5]>,
+    /// Heading of the column of nanoseconds that are added to the column of the time. Default: none.
+    pub nanos: Option<String>,
     /// Heading of the column of the date, where the column of the time has the time of the day.
     /// Default: none.
     pub date: Option<String>,
@@ -174,6 +224,21 @@ pub enum TimeFormat {
     Number,
     /// A date and a time of the day.
     DateTime,
+    /// A time of the day.
+    TimeOfDay,
+}
+
+/// The order of the parts of a date.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Order {
+    /// 2022-06-01.
+    #[default]
+    YearMonthDay,
+    /// 01.06.2022.
+    DayMonthYear,
+    /// 06/01/2022.
+    MonthDayYear,
 }
 
 /// The scale of a date.

@@ -16,18 +16,23 @@ mod bounded;
 mod cells;
 mod columns;
 pub mod config;
+mod folder;
 mod headings;
+mod join;
 pub mod sink;
 mod source;
 mod stamp;
+mod stream;
 mod table;
 mod tail;
 mod time;
+mod unused;
 mod utf16;
 
 pub use bounded::beginning;
 pub use columns::{Axes, EstimateColumns, ending};
 pub use config::Csv;
+pub use folder::is_folder;
 pub use sink::CsvSink;
 pub use table::Table;
 

@@ -1,12 +1,12 @@
-//! The columns of the time: a number, a date, or a week of GPS.
+//! The columns of the time: a number, a date, a time of the day, or a week of GPS.
 
-use crate::config::{FileConfig, Scale, TimeFormat};
+use crate::config::{FileConfig, Order, Scale, TimeColumn, TimeFormat};
 use crate::headings::Wanted;
 use crate::time::{self, TimeError};
 use csv::ByteRecord;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::units::calendar::{self, GPS_ZERO, WEEK};
+use navfuse_core::units::calendar::{self, Calendar, GPS_ZERO, WEEK};
 use navfuse_core::units::time::{Span, Time};
 
 /// Longest text of a date with a time of the day.
@@ -25,11 +25,15 @@ pub struct TimeCell {
 
 /// The content of the columns.
 enum Form {
-    /// A number in this unit, in nanoseconds.
-    Number(u64),
+    /// A number in this unit, in nanoseconds, and the column of nanoseconds that are added.
+    Number(u64, Option<usize>),
     /// A date with a time of the day; the date may stand in a column of its own. With `true` on the
     /// scale of GPS.
-    Date(Option<usize>, bool),
+    Date(Option<usize>, Order, bool),
+    /// Columns of year, month, day, hour and minute.
+    Fields([usize; 5], bool),
+    /// A time of the day.
+    Day,
     /// Column of the week of GPS, and the unit of the time within the week. With `true` on the scale
     /// of GPS, otherwise without leap seconds.
     Week(usize, u64, bool),
@@ -68,32 +72,36 @@ impl TimeCell {
         };
         let contradicts = |what: &str| Err(StreamError::scenario(format!("{key}.{what}")));
         let gps = given.scale == Some(Scale::Gps);
+        let named = given.column.as_deref().unwrap_or("time");
+        let dated = given.date.is_some() || given.format == TimeFormat::DateTime;
         let (column, form) = match (&given.week, &given.date, given.format) {
             (Some(_), Some(_), _) => {
                 return contradicts("week: a time has a week or a date; remove one of them");
             }
-            (Some(_), _, TimeFormat::DateTime) => {
+            (Some(_), _, TimeFormat::DateTime | TimeFormat::TimeOfDay) => {
                 return contradicts("week: the time of a week is a number; remove `format`");
             }
             (Some(week), None, TimeFormat::Number) => {
                 let (column, unit) = number()?;
                 (column, Form::Week(text(week)?, unit, given.scale != Some(Scale::Utc)))
             }
-            (None, date, format) if date.is_some() || format == TimeFormat::DateTime => {
-                if given.unit.is_some() {
-                    return contradicts("unit: a date has no unit; remove it");
-                }
-                let date = date.as_deref().map(text).transpose()?;
-                (text(given.column.as_deref().unwrap_or("time"))?, Form::Date(date, gps))
+            _ if given.unit.is_some() && (dated || given.format == TimeFormat::TimeOfDay) => {
+                return contradicts("unit: a date has no unit; remove it");
             }
+            (None, date, _) if dated => {
+                let date = date.as_deref().map(text).transpose()?;
+                (text(named)?, Form::Date(date, given.order, gps))
+            }
+            _ if given.fields.is_some() => (text(named)?, Form::Fields(fields(given, text)?, gps)),
             _ if given.scale.is_some() || given.origin.is_some() => {
                 return contradicts(
                     "scale, origin: a number has no date; set `offset`, or format = \"date-time\"",
                 );
             }
+            (None, _, TimeFormat::TimeOfDay) => (text(named)?, Form::Day),
             _ => {
                 let (column, unit) = number()?;
-                (column, Form::Number(unit))
+                (column, Form::Number(unit, given.nanos.as_deref().map(text).transpose()?))
             }
         };
         let offset = time::from_seconds(given.offset.map_or(0.0, |o| o.si()));
@@ -105,19 +113,22 @@ impl TimeCell {
 
     /// Tests whether the time uses a column.
     pub fn uses(&self, column: usize) -> bool {
-        let second = match self.form {
-            Form::Number(_) => None,
-            Form::Date(date, _) => date,
-            Form::Week(week, ..) => Some(week),
+        let other = match self.form {
+            Form::Number(_, nanos) => nanos == Some(column),
+            Form::Date(date, ..) => date == Some(column),
+            Form::Fields(fields, _) => fields.contains(&column),
+            Form::Day => false,
+            Form::Week(week, ..) => week == column,
         };
-        self.column == column || second == Some(column)
+        self.column == column || other
     }
 
     /// The form of the time, for a message.
     pub fn needs(&self) -> &'static str {
         match self.form {
-            Form::Number(_) | Form::Week(..) => "a decimal number is needed",
+            Form::Number(..) | Form::Week(..) | Form::Fields(..) => "a decimal number is needed",
             Form::Date(..) => "a date such as 2022-06-01T08:30:00.25Z is needed",
+            Form::Day => "a time of the day such as 08:30:00.25 is needed",
         }
     }
 
@@ -128,11 +139,26 @@ impl TimeCell {
     pub fn of(&self, record: &ByteRecord) -> Result<Time, TimeError> {
         let cell = |column: usize| record.get(column).unwrap_or_default().trim_ascii();
         let here = cell(self.column);
+        let utc = |nanos: i64, gps: bool| if gps { calendar::utc_of_gps(nanos) } else { nanos };
         let nanos = match self.form {
-            Form::Number(unit) => return Ok(time::parse(here, unit)? + self.offset),
-            Form::Date(date, gps) => {
-                let nanos = date_and_time(date.map(cell), here).ok_or(TimeError::NotANumber)?;
-                if gps { calendar::utc_of_gps(nanos) } else { nanos }
+            Form::Number(unit, None) => return Ok(time::parse(here, unit)? + self.offset),
+            Form::Number(unit, Some(nanos)) => {
+                let more = time::parse(cell(nanos), 1)?.nanos();
+                return Ok(time::parse(here, unit)? + Span::from_nanos(more) + self.offset);
+            }
+            Form::Day => {
+                let text = std::str::from_utf8(here).ok().and_then(time_of_day);
+                let nanos = text.ok_or(TimeError::NotANumber)?;
+                return Ok(Time::from_nanos(nanos) + self.offset);
+            }
+            Form::Date(date, order, gps) => {
+                let nanos = date_and_time(date.map(cell), here, order);
+                utc(nanos.ok_or(TimeError::NotANumber)?, gps)
+            }
+            Form::Fields(fields, gps) => {
+                let midnight = minute_of(fields.map(cell)).ok_or(TimeError::NotANumber)?;
+                let since = time::parse(here, 1_000_000_000)?.nanos();
+                utc(midnight.checked_add(since).ok_or(TimeError::TooLarge)?, gps)
             }
             Form::Week(week, unit, gps) => {
                 let week: i64 = std::str::from_utf8(cell(week))
@@ -143,7 +169,7 @@ impl TimeCell {
                 let since = time::parse(here, unit)?.nanos();
                 let nanos =
                     (GPS_ZERO + week * WEEK).checked_add(since).ok_or(TimeError::TooLarge)?;
-                if gps { calendar::utc_of_gps(nanos) } else { nanos }
+                utc(nanos, gps)
             }
         };
         let time = nanos.checked_sub(self.origin).ok_or(TimeError::TooLarge)?;
@@ -152,17 +178,73 @@ impl TimeCell {
     }
 }
 
-/// Nanoseconds since 1970 of a date and a time of the day, in one text or in two.
-fn date_and_time(date: Option<&[u8]>, time: &[u8]) -> Option<i64> {
-    let mut text = [0; LONGEST_DATE];
-    let date = date.unwrap_or_default();
-    let separator: &[u8] = if date.is_empty() { b"" } else { b" " };
-    let bytes = date.iter().chain(separator).chain(time);
-    let mut length = 0;
-    for byte in bytes {
-        *text.get_mut(length)? = if *byte == b'/' { b'-' } else { *byte };
-        length += 1;
+/// The columns of year, month, day, hour and minute.
+fn fields(
+    given: &TimeColumn,
+    text: impl Fn(&str) -> Result<usize, StreamError>,
+) -> Result<[usize; 5], StreamError> {
+    let mut columns = [0; 5];
+    for (column, heading) in columns.iter_mut().zip(given.fields.iter().flatten()) {
+        *column = text(heading)?;
     }
-    let (nanos, has_time) = calendar::parse(std::str::from_utf8(&text[..length]).ok()?)?;
+    Ok(columns)
+}
+
+/// Nanoseconds since 1970 of a minute, from the cells of its year, month, day, hour and minute.
+fn minute_of(cells: [&[u8]; 5]) -> Option<i64> {
+    let number = |k: usize| std::str::from_utf8(cells[k]).ok()?.parse::<u16>().ok();
+    let small = |k: usize| u8::try_from(number(k)?).ok();
+    let (year, month, day) = (i32::from(number(0)?), small(1)?, small(2)?);
+    let (hour, minute) = (small(3)?, small(4)?);
+    Calendar { year, month, day, hour, minute, second: 0, nanos: 0 }.unix_nanos()
+}
+
+/// Nanoseconds since midnight of a text such as `08:30:00.25`.
+fn time_of_day(text: &str) -> Option<i64> {
+    let mut parts = text.splitn(3, ':');
+    let (hour, minute) = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
+    let (second, nanos) = calendar::decimal_seconds(parts.next()?.as_bytes())?;
+    calendar::time_of_day(hour, minute, second, nanos)
+}
+
+/// A text of bounded length.
+struct Short {
+    bytes: [u8; LONGEST_DATE],
+    length: usize,
+}
+
+impl Short {
+    fn push(&mut self, bytes: &[u8]) -> Option<()> {
+        let end = self.length.checked_add(bytes.len())?;
+        self.bytes.get_mut(self.length..end)?.copy_from_slice(bytes);
+        self.length = end;
+        Some(())
+    }
+}
+
+/// Nanoseconds since 1970 of a date and a time of the day, in one text or in two.
+fn date_and_time(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> {
+    let (date, time) = match date.filter(|date| !date.is_empty()) {
+        Some(date) => (date, time),
+        None => {
+            let at = time.iter().position(|b| matches!(b, b'T' | b' '))?;
+            (&time[..at], &time[at + 1..])
+        }
+    };
+    let mut parts = date.splitn(3, |b| matches!(b, b'-' | b'/' | b'.'));
+    let [a, b, c] = [parts.next()?, parts.next()?, parts.next()?];
+    let in_order = match order {
+        Order::YearMonthDay => [a, b, c],
+        Order::DayMonthYear => [c, b, a],
+        Order::MonthDayYear => [c, a, b],
+    };
+    let mut text = Short { bytes: [0; LONGEST_DATE], length: 0 };
+    for (part, end) in in_order.into_iter().zip([b"-", b"-", b"T"]) {
+        text.push(part)?;
+        text.push(end)?;
+    }
+    let time = time.trim_ascii();
+    text.push(time.strip_suffix(b" UTC").unwrap_or(time))?;
+    let (nanos, has_time) = calendar::parse(std::str::from_utf8(&text.bytes[..text.length]).ok()?)?;
     has_time.then_some(nanos)
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // a failed test may panic
 
 mod common;
+mod foreign;
 
 use common::{DVL, DVL_HEADER, IMU, read_as, read_dvl};
 use std::io::Write;

@@ -169,7 +169,7 @@ fn an_empty_cell_is_a_missing_channel_and_a_row_without_any_no_sample() {
 
 #[test]
 fn channels_without_a_column_are_named_and_the_others_are_read() {
-    let fixes = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps\n1,0,0,5,1,2,3\n";
+    let fixes = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps\n1,0,90,5,1,2,3\n";
     let dvl = "time_s,vel_x_mps,downward_mps\n1,2,3\n";
     let folder = folder(&[("imu.csv", IMU_HEADER), ("dvl.csv", dvl), ("reference.csv", fixes)]);
     let toml = [IMU, DVL, REFERENCE].concat();
@@ -187,7 +187,8 @@ fn channels_without_a_column_are_named_and_the_others_are_read() {
     assert_eq!(note(2), (Level::Info, text.to_owned()));
     assert_eq!(drain(folder.path(), sources[1].1.as_mut()).values(0), [Some(2.0)]);
     let reference = drain(folder.path(), sources[2].1.as_mut());
-    assert_eq!(reference.values(0), [0.0, 0.0, 5.0, 1.0, 2.0, 3.0].map(Some));
+    let east = std::f64::consts::FRAC_PI_2;
+    assert_eq!(reference.values(0), [0.0, east, 5.0, 1.0, 2.0, 3.0].map(Some));
 }
 
 #[test]

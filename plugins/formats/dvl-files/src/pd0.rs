@@ -11,6 +11,9 @@ use std::io::{Read, Result};
 const MARK: u8 = 0x7f;
 /// Second byte: an ensemble, or a block of another source in the same frame.
 const SOURCES: [u8; 2] = [0x7f, 0x79];
+/// A number without a measurement, and a full turn in hundredths of a degree.
+const ABSENT: u16 = 0xffff;
+const FULL: u16 = 36_000;
 /// Identifier of the fixed leader.
 const FIXED_LEADER: u16 = 0x0000;
 /// Identifier of the variable leader.
@@ -97,7 +100,7 @@ fn ensemble(offset: u64, bytes: &[u8]) -> Ping {
     if let Some(data) = variable {
         ping.stamp = stamp(data);
         ping.sound_speed = u16_at(data, 14).filter(|c| *c > 0).map(f64::from);
-        ping.depth = u16_at(data, 16).map(|d| f64::from(d) * 0.1);
+        ping.depth = u16_at(data, 16).filter(|d| *d != ABSENT).map(|d| f64::from(d) * 0.1);
         ping.attitude = attitude(data);
     }
     if let Some((fixed, data)) = fixed.zip(bottom) {
@@ -138,10 +141,12 @@ fn stamp(data: &[u8]) -> Stamp {
 
 fn attitude(data: &[u8]) -> Option<Attitude> {
     let hundredths = |x: f64| (x * 0.01).to_radians();
-    Some(Attitude {
-        heading: hundredths(f64::from(u16_at(data, 18)?)),
-        pitch: hundredths(f64::from(i16_at(data, 20)?)),
-        roll: hundredths(f64::from(i16_at(data, 22)?)),
+    let (heading, pitch, roll) = (u16_at(data, 18)?, i16_at(data, 20)?, i16_at(data, 22)?);
+    let known = heading <= FULL && ![pitch, roll].contains(&i16::MIN);
+    known.then(|| Attitude {
+        heading: hundredths(f64::from(heading)),
+        pitch: hundredths(f64::from(pitch)),
+        roll: hundredths(f64::from(roll)),
     })
 }
 

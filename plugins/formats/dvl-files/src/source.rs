@@ -72,6 +72,7 @@ struct Stream {
     started: bool,
     ended: bool,
     screened: Count,
+    invalid: Count,
     /// Pings along other axes than the sensor's, and these axes.
     refused: Option<(Count, Coordinates)>,
 }
@@ -97,6 +98,7 @@ impl Stream {
             started: false,
             ended: false,
             screened: Count::default(),
+            invalid: Count::default(),
             refused: None,
             path,
         })
@@ -152,7 +154,7 @@ impl Stream {
     /// Makes the samples of a ping.
     fn take(&mut self, nanos: i64, ping: &Ping) -> Result<(), StreamError> {
         let time = Time::from_nanos(nanos);
-        let mut screened = false;
+        let (mut screened, mut invalid) = (false, false);
         for target in &mut self.targets {
             match target.give(ping, time, self.attitude, &self.screen) {
                 Given::Sample(sample) => {
@@ -161,6 +163,7 @@ impl Stream {
                 }
                 Given::Nothing => {}
                 Given::Screened => screened = true,
+                Given::Invalid => invalid = true,
                 Given::Refused(coordinates) if self.started => {
                     let (count, _) = self.refused.get_or_insert((Count::default(), coordinates));
                     count.add(ping.offset);
@@ -174,6 +177,9 @@ impl Stream {
         if screened {
             self.screened.add(ping.offset);
         }
+        if invalid {
+            self.invalid.add(ping.offset);
+        }
         Ok(())
     }
 
@@ -184,6 +190,7 @@ impl Stream {
         parts.extend(self.decoder.events());
         parts.extend(self.clock.describe("ping"));
         parts.extend(self.screened.describe("ping", "beyond the limits of `screen`"));
+        parts.extend(self.invalid.describe("ping", "with a velocity that stands for none"));
         if let Some((count, coordinates)) = &self.refused {
             let name = coordinates.name();
             parts.extend(count.describe("ping", &format!("not used, in {name} coordinates")));

@@ -6,6 +6,7 @@ use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::OpenContext;
 use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_frames::validity::{Judge, is_trusted};
 
 /// Largest number of beams that a format has.
 const BEAMS: usize = 4;
@@ -65,6 +66,7 @@ pub struct Target {
     channels: Channels,
     /// The channel of the height above the bottom.
     altitude: Option<usize>,
+    judge: Judge,
     /// Number of samples.
     pub samples: u64,
 }
@@ -77,6 +79,8 @@ pub enum Given {
     Nothing,
     /// A velocity is beyond the limits.
     Screened,
+    /// A velocity is a number that stands for none, or its figure of merit is at the limit.
+    Invalid,
     /// The velocities are along other axes than the sensor's.
     Refused(Coordinates),
 }
@@ -150,7 +154,8 @@ impl Target {
             .at_key(part.key()));
         };
         let altitude = channel("altitude").filter(|_| part == Part::Bottom);
-        Ok(Self { part, sensor, channels, altitude, samples: 0 })
+        let judge = Judge::new(info);
+        Ok(Self { part, sensor, channels, altitude, judge, samples: 0 })
     }
 
     /// Gives a ping to the sensor.
@@ -170,6 +175,9 @@ impl Target {
         let Some(track) = self.part.track(ping) else { return Given::Nothing };
         if track.recorded.iter().all(Option::is_none) {
             return Given::Nothing;
+        }
+        if track.figure_of_merit.is_some_and(|merit| !is_trusted(merit)) {
+            return Given::Invalid;
         }
         if beyond(track, screen) {
             return Given::Screened;
@@ -201,6 +209,9 @@ impl Target {
                 }
             }
             Channels::Depth(_) => {}
+        }
+        if self.judge.refuses(&mut sample).is_some() {
+            return Given::Invalid;
         }
         if let Some((channel, altitude)) = self.altitude.zip(track.altitude) {
             sample.set(channel, altitude);

@@ -11,7 +11,7 @@ use navfuse_core::plugin::OpenContext;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{Unit, parse_unit};
-use navfuse_frames::validity::is_place;
+use navfuse_frames::validity::Judge;
 
 /// Largest number of fields that a message lists.
 const LISTED: usize = 40;
@@ -43,8 +43,7 @@ pub struct Filling {
     least: Option<(usize, f64)>,
     /// Fields with the value that they must have.
     only: Vec<(usize, f64)>,
-    /// Channels of latitude and longitude, if the sensor has them.
-    place: Option<[usize; 2]>,
+    judge: Judge,
 }
 
 /// Finds the sensors that the parameters name.
@@ -89,9 +88,8 @@ impl Target {
             StreamError::scenario(message).at_key(key)
         };
         let primary = topic.name == self.config.message;
-        let place_channels = channel("lat").zip(channel("lon")).map(|(lat, lon)| [lat, lon]);
-        let mut filling =
-            Filling { filled: Vec::new(), least: None, only: Vec::new(), place: place_channels };
+        let judge = Judge::new(&self.info);
+        let mut filling = Filling { filled: Vec::new(), least: None, only: Vec::new(), judge };
         if primary {
             for (name, value) in &self.config.only {
                 let key = format!("sensors.{}.only", self.name);
@@ -194,8 +192,7 @@ impl Filling {
                 sample.set(filled.channel, value);
             }
         }
-        let [lat, lon] = self.place.map_or([None; 2], |place| place.map(|k| sample.get(k)));
-        let nowhere = lat.zip(lon).is_some_and(|(lat, lon)| !is_place(lat, lon));
-        (sample.present() != 0 && !nowhere).then_some(sample)
+        let refused = self.judge.refuses(&mut sample).is_some();
+        (sample.present() != 0 && !refused).then_some(sample)
     }
 }

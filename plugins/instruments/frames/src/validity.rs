@@ -11,6 +11,8 @@
 //! | figure of merit of 10 m/s or more | no velocity | Nortek: the limit of its estimate |
 //! | accuracy of 4 294 967 m | no position | MAVLink, UBX: 0xffffffff mm |
 
+use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::units::sample::Sample;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Variance from which a number is no measurement, in the square of its SI unit.
@@ -47,6 +49,73 @@ pub fn is_velocity(value: f64) -> bool {
 /// Tests whether an instrument trusts a velocity with this figure of merit, m/s.
 pub fn is_trusted(merit: f64) -> bool {
     merit < WORST
+}
+
+/// Types of the sensors whose velocities have the marks of a Doppler velocity log.
+const LOGS: [&str; 2] = ["dvl", "dvl-beams"];
+/// The accuracies of a receiver, and the channels that each is about.
+const ACCURACIES: [(&str, &[&str]); 3] =
+    [("h_acc", &["lat", "lon"]), ("v_acc", &["height"]), ("s_acc", &["vel_n", "vel_e", "vel_d"])];
+
+/// The reason why a sample has no measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Missing {
+    /// The position is none.
+    Place,
+    /// A velocity of a log is none.
+    Velocity,
+}
+
+/// The judgement on the samples of a sensor, whatever its format.
+#[derive(Clone, Debug)]
+pub struct Judge {
+    /// Channels of latitude and longitude.
+    place: Option<[usize; 2]>,
+    /// Channels with the velocities of a log.
+    velocities: Vec<usize>,
+    /// Channels of accuracies, and the channels that each is about.
+    accuracies: Vec<(usize, Vec<usize>)>,
+}
+
+impl Judge {
+    /// The judgement for the channels of a sensor.
+    pub fn new(info: &SensorInfo) -> Self {
+        let at = |name: &str| info.position(name);
+        let log = LOGS.contains(&info.kind.as_str());
+        let velocity = |name: &str| name.starts_with("vel_") || name.starts_with("beam_");
+        let channels = info.channels.iter().enumerate();
+        let velocities = channels.filter(|(_, c)| log && velocity(&c.name)).map(|(k, _)| k);
+        let about = |names: &[&str]| names.iter().filter_map(|name| at(name)).collect();
+        let accuracies = ACCURACIES.iter().filter_map(|(name, of)| Some((at(name)?, about(of))));
+        Self {
+            place: at("lat").zip(at("lon")).map(|(lat, lon)| [lat, lon]),
+            velocities: velocities.collect(),
+            accuracies: accuracies.collect(),
+        }
+    }
+
+    /// The reason why a sample has no measurement. An accuracy of zero, which is unknown, and one that
+    /// declares no measurement are taken from the sample; the latter with the channels that it is
+    /// about, so that the sample may have none left.
+    pub fn refuses(&self, sample: &mut Sample) -> Option<Missing> {
+        let place = self.place.and_then(|[lat, lon]| sample.get(lat).zip(sample.get(lon)));
+        if place.is_some_and(|(lat, lon)| !is_place(lat, lon)) {
+            return Some(Missing::Place);
+        }
+        let none = |k: &usize| sample.get(*k).is_some_and(|v| !is_velocity(v));
+        if self.velocities.iter().any(none) {
+            return Some(Missing::Velocity);
+        }
+        for (accuracy, about) in &self.accuracies {
+            let Some(value) = sample.get(*accuracy) else { continue };
+            let refused = value < 0.0 || is_refused(value * value);
+            if refused || value == 0.0 {
+                sample.clear(*accuracy);
+            }
+            about.iter().filter(|_| refused).for_each(|k| sample.clear(*k));
+        }
+        None
+    }
 }
 
 #[cfg(test)]

@@ -113,12 +113,20 @@ pub fn read_as(sensor: &str, toml: &str, file: &[u8], keys: &str) -> Result<Read
 
 /// Reads dvl.csv.
 pub fn read_dvl(file: impl AsRef<[u8]>, keys: &str) -> Result<Read, String> {
+    read_aid("dvl", DVL, file, keys)
+}
+
+/// Reads the file of a measuring sensor.
+pub fn read_aid(
+    sensor: &str,
+    toml: &str,
+    file: impl AsRef<[u8]>,
+    keys: &str,
+) -> Result<Read, String> {
     // a driving sensor needs a file, so it has one and is first
-    let (folder, toml) = (
-        folder(&[("dvl.csv", file.as_ref()), ("imu.csv", IMU_HEADER.as_bytes())]),
-        [IMU, DVL].concat(),
-    );
-    let mut assembly =
-        assemble(folder.path(), &toml, &format!("[source.csv.files.dvl]\n{keys}\n"), false)?;
+    let name = format!("{sensor}.csv");
+    let folder = folder(&[(name.as_str(), file.as_ref()), ("imu.csv", IMU_HEADER.as_bytes())]);
+    let source = format!("[source.csv.files.{sensor}]\n{keys}\n");
+    let mut assembly = assemble(folder.path(), &[IMU, toml].concat(), &source, false)?;
     Ok(drain(folder.path(), assembly.sources[1].1.as_mut()))
 }
