@@ -64,6 +64,9 @@ pub struct TopicConfig {
     pub channels: BTreeMap<String, MessageField>,
     /// Time of a message. Default: the time of the source.
     pub stamp: Option<Stamping>,
+    /// Field with the time of a message, for a type without a header: `{ field = "timestamp", unit =
+    /// "us" }`. Default: `stamp` decides.
+    pub time: Option<TimeField>,
     /// Axes of the vectors in the messages: `flu` (forward, left, up; with the world east, north, up)
     /// or `frd` (forward, right, down; north, east, down). Default: `frd` for velocity
     /// logs, `flu` for all others.
@@ -80,6 +83,16 @@ pub struct TopicConfig {
     pub density: Option<Density>,
     /// Velocities that are used of a log that tracks bottom and water: `bottom` (default) or `water`.
     pub track: Tracked,
+}
+
+/// The field with the time of a message.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TimeField {
+    /// Path of the field, whose zero is the zero of the clock of the bag.
+    pub field: String,
+    /// Unit of the field, such as "us".
+    pub unit: String,
 }
 
 /// A position.

@@ -41,11 +41,22 @@ pub struct Route {
     unused: [Count; 4],
 }
 
+/// The time of a message.
+#[derive(Clone, Copy, Debug)]
+enum Clocked {
+    /// It was received.
+    Received,
+    /// Seconds and nanoseconds since 1970.
+    Stamped,
+    /// One field with a unit, in nanoseconds.
+    Counted(f64),
+}
+
 /// What is read of the messages of one type.
 #[derive(Clone, Debug)]
 pub struct Reading {
     program: Program,
-    stamped: bool,
+    stamp: Clocked,
     content: Content,
 }
 
@@ -189,15 +200,25 @@ impl Route {
             return Err(fail(text));
         }
         let definitions = topic.definitions().map_err(|e| fail(format!("{}: {e}", topic.name)))?;
-        let stamp = match self.stamping {
+        let path = match self.stamping {
             Stamping::Header => stamp_path(&definitions, &kind),
             Stamping::Receive => None,
         };
-        let stamp = stamp.map_or([String::new(), String::new()], |stamp| {
-            ["sec", "nanosec"].map(|part| format!("{stamp}.{part}"))
-        });
-        let stamped = !stamp[0].is_empty();
-        let first: Vec<&str> = stamp.iter().map(String::as_str).collect();
+        let (paths, stamp) = match (&self.config.time, path) {
+            (Some(time), _) => {
+                let second = parse_unit("s").ok().map(|unit| unit.exponents());
+                let unit = parse_unit(&time.unit).ok();
+                let Some(unit) = unit.filter(|unit| Some(unit.exponents()) == second) else {
+                    return Err(fail(format!("time.unit: {:?} is no unit of time", time.unit)));
+                };
+                ([time.field.clone(), String::new()], Clocked::Counted(unit.to_si(1e9)))
+            }
+            (None, Some(path)) => {
+                (["sec", "nanosec"].map(|part| format!("{path}.{part}")), Clocked::Stamped)
+            }
+            (None, None) => ([String::new(), String::new()], Clocked::Received),
+        };
+        let first: Vec<&str> = paths.iter().map(String::as_str).collect();
         if !self.fields.is_empty() {
             let mut paths = first;
             paths.extend(self.fields.iter().map(|(_, f)| f.field.as_str()));
@@ -205,7 +226,7 @@ impl Route {
                 .map_err(|e| fail(format!("{}: {e}", topic.name)))?;
             let fields = self.fields.iter().map(|(channel, f)| self.factor(*channel, f));
             let content = Content::Fields(fields.collect::<Result<_, _>>()?);
-            return Ok(Reading { program, stamped, content });
+            return Ok(Reading { program, stamp, content });
         }
         let Some(form) = Form::of(&kind) else {
             return Err(fail(format!(
@@ -235,7 +256,7 @@ impl Route {
             .program(&definitions, &kind, &first)
             .map_err(|e| fail(format!("{}: {e}", topic.name)))?;
         let content = Content::Form(Converter::new(form, &self.config), channels);
-        Ok(Reading { program, stamped, content })
+        Ok(Reading { program, stamp, content })
     }
 
     /// Factor and offset that turn a field into SI.
@@ -270,11 +291,12 @@ impl Route {
             return;
         }
         let received = message.received;
-        let stamp = match reading.stamped {
-            false => Stamp::Date(received),
+        let stamp = match reading.stamp {
+            Clocked::Received => Stamp::Date(received),
+            Clocked::Counted(unit) => Stamp::Date((slots[0] * unit) as i64),
             // a stamp of zero was never set
-            true if slots[0] == 0.0 && slots[1] == 0.0 => Stamp::Missing,
-            true => {
+            Clocked::Stamped if slots[0] == 0.0 && slots[1] == 0.0 => Stamp::Missing,
+            Clocked::Stamped => {
                 let stamp = slots[0] as i64 * SECOND + slots[1] as i64;
                 self.delay.add(received.saturating_sub(stamp));
                 Stamp::Date(stamp)

@@ -3,7 +3,7 @@
 use crate::bag::Bag;
 use crate::cdr::{Body, Cursor, body};
 use crate::form::Form;
-use crate::program::{Program, SLOTS};
+use crate::program::{Program, SLOTS, has_field};
 use crate::route::{Delay, stamp_path};
 use crate::transforms::Transforms;
 use navfuse_core::model::stream::StreamError;
@@ -25,6 +25,14 @@ pub enum Use {
     Odometry,
     /// Poses with a covariance.
     Pose,
+    /// Poses whose height alone changes: a depth.
+    Depth,
+    /// Velocities along the axes of a velocity log, by the name of the topic or of the frame.
+    LogTwist,
+    /// Inertial measurements of PX4.
+    Px4Imu,
+    /// Fixes of PX4.
+    Px4Fix,
 }
 
 /// A topic of a bag.
@@ -51,6 +59,10 @@ pub struct TopicSurvey {
     stamp: Option<Program>,
     /// Set if the message begins with a header.
     headed: bool,
+    /// The coordinates of a pose.
+    place: Option<Program>,
+    /// Set while no pose has moved along x or y.
+    upright: bool,
 }
 
 impl TopicSurvey {
@@ -58,6 +70,20 @@ impl TopicSurvey {
     pub fn rate(&self) -> f64 {
         let span = (self.span[1] - self.span[0]) as f64 * 1e-9;
         if span > 0.0 { (self.messages - 1) as f64 / span } else { 0.0 }
+    }
+
+    /// The use, as the type and the messages suggest it.
+    pub fn usage(&self) -> Option<Use> {
+        let log = |name: &str| name.to_lowercase().contains("dvl");
+        match self.usage {
+            Some(Use::Pose) if self.upright && self.messages > 1 => Some(Use::Depth),
+            None if self.kind.starts_with("geometry_msgs/TwistWithCovariance")
+                && (log(&self.name) || log(&self.frame)) =>
+            {
+                Some(Use::LogTwist)
+            }
+            usage => usage,
+        }
     }
 
     /// The mean time from the stamps to receiving, s, if the messages have stamps.
@@ -109,16 +135,24 @@ pub fn survey(
         let data = data.to_vec();
         for new in &bag.topics()[found.topics.len()..] {
             let kind = new.short_kind();
-            let usage = Form::of(&kind).and_then(|form| match form {
-                Form::Imu => Some(Use::Imu),
-                Form::Fix => Some(Use::Fix),
-                Form::MarineDvl | Form::WaterLinked | Form::Nortek => Some(Use::VelocityLog),
-                Form::Pressure => Some(Use::Pressure),
-                Form::Odometry => Some(Use::Odometry),
-                Form::Pose if kind.contains("Covariance") => Some(Use::Pose),
-                _ => None,
-            });
             let definitions = new.definitions().unwrap_or_default();
+            let has = |field: &str| has_field(&definitions, &kind, field);
+            let px4 = match kind.as_str() {
+                "px4_msgs/SensorCombined" => Some(Use::Px4Imu),
+                "px4_msgs/SensorGps" if has("latitude_deg") => Some(Use::Px4Fix),
+                _ => None,
+            };
+            let usage = px4.or_else(|| {
+                Form::of(&kind).and_then(|form| match form {
+                    Form::Imu => Some(Use::Imu),
+                    Form::Fix => Some(Use::Fix),
+                    Form::MarineDvl | Form::WaterLinked | Form::Nortek => Some(Use::VelocityLog),
+                    Form::Pressure => Some(Use::Pressure),
+                    Form::Odometry => Some(Use::Odometry),
+                    Form::Pose if kind.contains("Covariance") => Some(Use::Pose),
+                    _ => None,
+                })
+            });
             let stamp = stamp_path(&definitions, &kind).and_then(|path| {
                 let paths = ["sec", "nanosec"].map(|part| format!("{path}.{part}"));
                 Program::new(&definitions, &kind, &[paths[0].as_str(), paths[1].as_str()]).ok()
@@ -126,7 +160,13 @@ pub fn survey(
             let headed = definitions
                 .fields(&kind)
                 .is_ok_and(|fields| fields.first().is_some_and(|f| f.name == "header"));
+            let place = (usage == Some(Use::Pose)).then(|| {
+                let path = ["x", "y"].map(|axis| format!("pose.pose.position.{axis}"));
+                Program::new(&definitions, &kind, &[path[0].as_str(), path[1].as_str()]).ok()
+            });
             found.topics.push(TopicSurvey {
+                place: place.flatten(),
+                upright: true,
                 name: new.name.clone(),
                 kind,
                 usage,
@@ -177,6 +217,10 @@ impl TopicSurvey {
         }
         self.messages += 1;
         self.span[1] = received;
+        if let Some(place) = self.place.as_ref().filter(|_| self.upright) {
+            let mut slots = [f64::NAN; SLOTS];
+            self.upright = place.read(data, &mut slots).is_ok() && slots[..2] == [0.0, 0.0];
+        }
         let Some(stamp) = &self.stamp else { return };
         let mut slots = [f64::NAN; SLOTS];
         if stamp.read(data, &mut slots).is_err() {
