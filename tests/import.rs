@@ -54,7 +54,7 @@ fn tables_with_other_names_units_and_separators_become_a_scenario_that_runs() {
     let [imu, plain, dvl, reference] =
         ["gyros.txt", "imu.csv", "dvl.csv", "reference.csv"].map(|name| recording.path(name));
     let (scenario, text, printed) = import(recording.folder(), &[&imu, &dvl, &reference], &[]);
-    for line in ["delimiter = \";\"", "scale = -1", "# ANSWER: noise of the data sheet"] {
+    for line in ["delimiter = \";\"", "\"-y\", \"-z\"]", "# ANSWER: noise of the data sheet"] {
         assert!(text.contains(line), "{line}: {text}");
     }
     let question = "answer: sensor.dvl: noise: noise of the data sheet";
@@ -67,7 +67,7 @@ fn tables_with_other_names_units_and_separators_become_a_scenario_that_runs() {
     let turned = runs(&scenario);
     std::fs::remove_file(&scenario).expect("it is there");
     let (scenario, text, _) = import(recording.folder(), &[&plain, &dvl, &reference], &[]);
-    assert!(!text.contains("scale = -1"), "{text}");
+    assert!(!text.contains("\"-z\""), "{text}");
     assert_eq!(runs(&scenario), turned);
 }
 
@@ -406,7 +406,9 @@ fn a_shifted_velocity_log_of_a_dive_is_found_by_its_motion() {
         println!("shifted by {shift} s: {offset} s, sigma {sigma} s");
         assert!((offset - shift).abs() < (4.0 * sigma).max(0.05), "{printed}");
         assert!(sigma < 0.05, "{printed}");
-        assert_eq!(text.contains("# time_offset = { initial = \""), shift != 0.0, "{text}");
+        // what is found is active
+        assert_eq!(text.contains("samples = { clock = \""), shift != 0.0, "{text}");
+        assert_eq!(text.contains("\ntime_offset = { sigma = \""), shift != 0.0, "{text}");
         found.push(offset);
         // the reference is of the INS itself
         let [offset, sigma] = clock(&printed, "reference");

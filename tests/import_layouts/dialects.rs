@@ -81,7 +81,7 @@ pub struct Layout {
     time: &'static str,
     clock: (&'static str, i64),
     /// Nanoseconds that are added: zero, or a date since 1970.
-    origin: i64,
+    pub origin: i64,
     rate: (&'static str, &'static str, f64),
     force: (&'static str, &'static str, f64),
     units: Units,
@@ -221,7 +221,7 @@ impl Layout {
         (headings, rows.collect())
     }
 
-    /// Writes the files of the recording, and the reference in the headings of navfuse.
+    /// Writes the files of the recording.
     pub fn write(&self, folder: &Path, recorded: &Recorded) -> Vec<PathBuf> {
         let (mut headings, mut rows) = self.inertial(recorded);
         let (fix_headings, fixes) = self.fixes(recorded);
@@ -230,7 +230,6 @@ impl Layout {
             std::fs::write(&path, text).expect("the test can write");
             path
         };
-        self.reference(folder, recorded);
         if self.together {
             headings.extend(fix_headings[1..].iter().cloned());
             let times: Vec<i64> = recorded["gnss"].iter().map(|(nanos, _)| *nanos).collect();
@@ -246,16 +245,5 @@ impl Layout {
         }
         let imu = path("one.csv", self.table(&headings, &rows));
         vec![imu, path("two.csv", self.table(&fix_headings, &fixes))]
-    }
-
-    fn reference(&self, folder: &Path, recorded: &Recorded) {
-        let mut text = "time_ns,lat_rad,lon_rad,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_rad,\
-                        pitch_rad,yaw_rad\n"
-            .to_owned();
-        for (nanos, v) in &recorded["reference"] {
-            let cells: Vec<String> = v.iter().map(|v| format!("{v:e}")).collect();
-            let _ = writeln!(text, "{},{}", nanos + self.origin, cells.join(","));
-        }
-        std::fs::write(folder.join("reference.csv"), text).expect("the test can write");
     }
 }

@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod dialects;
+mod programs;
 
 use dialects::{Layout, Random};
 use navfuse_core::document::Document;
@@ -14,7 +15,8 @@ use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_import::Answers;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 /// Number of layouts, and the share that must run.
@@ -80,18 +82,28 @@ fn record() -> Recorded {
     recorded
 }
 
-/// Imports the files of a layout and runs the scenario next to the reference: the largest error in
-/// sigma, or the message.
-fn run(folder: &Path, layout: &Layout, recorded: &Recorded) -> Result<f64, String> {
-    let files = layout.write(folder, recorded);
+/// Writes the reference on the clock of the IMU, which is `offset` nanoseconds ahead.
+fn reference(path: &Path, recorded: &Recorded, offset: i64) {
+    let mut text = "time_ns,lat_rad,lon_rad,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_rad,\
+                    pitch_rad,yaw_rad\n"
+        .to_owned();
+    for (nanos, v) in &recorded["reference"] {
+        let cells: Vec<String> = v.iter().map(|v| format!("{v:e}")).collect();
+        let _ = writeln!(text, "{},{}", nanos + offset, cells.join(","));
+    }
+    std::fs::write(path, text).expect("the test can write");
+}
+
+/// Imports files and runs the scenario next to the reference: the largest error in sigma, or the
+/// message.
+fn run(files: &[PathBuf], reference: &Path) -> Result<f64, String> {
     let registry = navfuse::standard_plugins();
-    let place = folder.join("imported.toml");
+    let place = reference.with_extension("toml");
     let stop = AtomicBool::new(false);
     let answers = Answers { name: "imported".to_owned(), ..Answers::default() };
-    let imported = navfuse_import::import(&registry, &files, &place, &answers, &stop)
+    let imported = navfuse_import::import(&registry, files, &place, &answers, &stop)
         .map_err(|e| e.to_string())?
         .expect("nobody stops it");
-    let reference = folder.join("reference.csv");
     let text = format!(
         "{}\n[sensor.reference]\n[source.csv.files.reference]\npath = {reference:?}\n",
         imported.scenario
@@ -120,7 +132,9 @@ fn layouts_of_many_programs_run_untouched_or_name_what_is_missing() {
     for _ in 0..LAYOUTS {
         let layout = Layout::draw(&mut random);
         let folder = tempfile::tempdir().expect("a folder");
-        match run(folder.path(), &layout, &recorded) {
+        let truth = folder.path().join("reference.csv");
+        reference(&truth, &recorded, layout.origin);
+        match run(&layout.write(folder.path(), &recorded), &truth) {
             Ok(sigma) if sigma <= SIGMA => held += 1,
             Ok(sigma) => println!("{sigma:.1} sigma: {layout:?}"),
             Err(message) => {
@@ -133,4 +147,21 @@ fn layouts_of_many_programs_run_untouched_or_name_what_is_missing() {
     println!("{held} of {LAYOUTS} run within {SIGMA} sigma");
     assert_eq!(unnamed, 0, "a message does not name what is missing");
     assert!(f64::from(held) >= SHARE * LAYOUTS as f64);
+}
+
+#[test]
+fn files_of_many_programs_run_without_an_answer() {
+    let recorded = record();
+    let mut failed = Vec::new();
+    for program in programs::all() {
+        let [folder, own] = [0, 1].map(|_| tempfile::tempdir().expect("a folder"));
+        let written = program.write(&recorded, folder.path());
+        let truth = own.path().join("reference.csv");
+        reference(&truth, &recorded, written.offset);
+        match run(&written.given, &truth) {
+            Ok(sigma) if sigma <= SIGMA => {}
+            other => failed.push(format!("{}: {other:?}", program.name)),
+        }
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
 }

@@ -9,12 +9,14 @@ use navfuse_core::plugin::{OpenContext, Registry, SourceType};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_import::Answers;
 use navfuse_mcap::{LogReader, McapSource, read_scenario};
 use navfuse_testing::recording::{AIDS, INERTIAL};
 use serde_json::{Value, from_value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
 
 /// Samples that are read of one file.
 const SAMPLES: usize = 100_000;
@@ -107,6 +109,20 @@ pub fn csv(bytes: &[u8]) -> usize {
         samples::<navfuse_csv::Csv>(keys, "imu.csv", bytes)
     };
     forms.into_iter().flatten().map(count).sum()
+}
+
+/// A file of another program: its recognition, and the samples by which `import` finds units, axes and
+/// clocks.
+pub fn import(bytes: &[u8]) -> usize {
+    in_folder(|folder| {
+        let path = folder.join("stranger.txt");
+        std::fs::write(&path, bytes).unwrap();
+        let (place, stop) = (folder.join("new.toml"), AtomicBool::new(false));
+        let found =
+            navfuse_import::import(&registry(), &[path], &place, &Answers::default(), &stop);
+        let streams = found.ok().flatten().map_or(Vec::new(), |imported| imported.streams);
+        streams.iter().map(|stream| stream.samples as usize).sum()
+    })
 }
 
 /// A log of a run: its scenario, its entries for a report, and its samples for a replay.

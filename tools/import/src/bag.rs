@@ -33,7 +33,7 @@ const INSIDE: [&str; 6] = ["leak", "internal", "hull", "vacuum", "air", "baro"];
 
 /// Tests whether the stamps of the topics are of several clocks, as where a driver sets none.
 fn several_clocks(survey: &Survey) -> bool {
-    let used = survey.topics.iter().filter(|t| t.usage.is_some() && t.messages > 0);
+    let used = survey.topics.iter().filter(|t| t.usage().is_some() && t.messages > 0);
     let lags: Vec<f64> = used.map(|t| t.lag().unwrap_or(0.0)).collect();
     let most = lags.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     lags.iter().any(|lag| most - lag > CLOCKS)
@@ -41,7 +41,7 @@ fn several_clocks(survey: &Survey) -> bool {
 
 /// The topic for a use: the one with most messages. A note names the others.
 fn choose<'a>(survey: &'a Survey, usage: Use, notes: &mut Vec<String>) -> Option<&'a TopicSurvey> {
-    let fits = |t: &&TopicSurvey| t.usage == Some(usage) && t.messages > 0;
+    let fits = |t: &&TopicSurvey| t.usage() == Some(usage) && t.messages > 0;
     let outside = |t: &TopicSurvey| {
         let name = t.name.to_lowercase();
         usage != Use::Pressure || INSIDE.iter().all(|word| !name.contains(word))
@@ -112,7 +112,8 @@ pub fn sensors(
             .with_remedy("`navfuse replay` runs it"));
     }
     notes.extend(survey.faults.clone());
-    let imu = choose(survey, Use::Imu, notes);
+    let px4 = choose(survey, Use::Px4Imu, notes);
+    let imu = if px4.is_some() { None } else { choose(survey, Use::Imu, notes) };
     let base = match imu {
         _ if survey.frames.has(BASE) => BASE,
         Some(imu) => imu.frame.as_str(),
@@ -170,16 +171,34 @@ pub fn sensors(
         InBag { found, lever_arm: connected.map(arm) }
     };
     let mut sensors = Vec::new();
+    if let Some(imu) = px4 {
+        used.push(&imu.name);
+        sensors.push(px4_sensor(imu, "imu", &PX4_IMU));
+    }
+    if let Some(fix) = px4.and_then(|_| choose(survey, Use::Px4Fix, notes)) {
+        used.push(&fix.name);
+        sensors.push(px4_sensor(fix, "gnss", &PX4_FIX));
+    }
     if let Some(imu) = imu {
         used.push(&imu.name);
         sensors.push(add(imu, "imu", None));
         sensors.push(add(imu, "attitude", None));
     }
-    if let Some(dvl) = choose(survey, Use::VelocityLog, notes) {
+    let log = choose(survey, Use::VelocityLog, notes);
+    if let Some(dvl) = log.or_else(|| choose(survey, Use::LogTwist, notes)) {
         used.push(&dvl.name);
         sensors.push(add(dvl, "dvl", None));
     }
-    if let Some(pressure) = choose(survey, Use::Pressure, notes) {
+    let depth = choose(survey, Use::Depth, notes);
+    if let Some(depth) = depth {
+        used.push(&depth.name);
+        let mut sensor = add(depth, "depth", None);
+        sensor
+            .found
+            .questions
+            .push(format!("the poses of {} change their height alone", depth.name));
+        sensors.push(sensor);
+    } else if let Some(pressure) = choose(survey, Use::Pressure, notes) {
         used.push(&pressure.name);
         let mut depth = add(pressure, "depth", None);
         depth.found.questions.push(
@@ -189,7 +208,7 @@ pub fn sensors(
         );
         sensors.push(depth);
     }
-    let fix = choose(survey, Use::Fix, notes);
+    let fix = if px4.is_some() { None } else { choose(survey, Use::Fix, notes) };
     if let Some(fix) = fix {
         let velocity = survey.topics.iter().find(|t| {
             t.kind.starts_with("geometry_msgs/Twist") && t.frame == fix.frame && !t.frame.is_empty()
@@ -208,10 +227,59 @@ pub fn sensors(
         .topics
         .iter()
         .filter(|t| !used.contains(&t.name.as_str()))
-        .map(|t| format!("{} ({}, {} messages)", t.name, t.kind, t.messages))
+        .map(|t| {
+            let key =
+                t.usage().and_then(key).map_or_else(String::new, |key| format!(", for {key}"));
+            format!("{} ({}, {} messages{key})", t.name, t.kind, t.messages)
+        })
         .collect();
     if !unused.is_empty() {
         notes.push(format!("topics that are not used: {}", unused.join(", ")));
     }
     Ok((sensors, odometry))
+}
+
+/// The key of the source with which a topic of this use replaces the one that is used.
+fn key(usage: Use) -> Option<&'static str> {
+    Some(match usage {
+        Use::Imu | Use::Px4Imu => "sensors.imu.topic",
+        Use::Fix | Use::Px4Fix => "sensors.gnss.topic",
+        Use::VelocityLog | Use::LogTwist => "sensors.dvl.topic",
+        Use::Pressure | Use::Depth => "sensors.depth.topic",
+        Use::Odometry | Use::Pose => "sensors.odometry.topic",
+        _ => return None,
+    })
+}
+
+/// The fields of messages of PX4 by channel, with their unit where it is another one.
+type Fields = [(&'static str, &'static str, &'static str)];
+const PX4_IMU: [(&str, &str, &str); 6] = [
+    ("gyro_x", "gyro_rad[0]", ""),
+    ("gyro_y", "gyro_rad[1]", ""),
+    ("gyro_z", "gyro_rad[2]", ""),
+    ("accel_x", "accelerometer_m_s2[0]", ""),
+    ("accel_y", "accelerometer_m_s2[1]", ""),
+    ("accel_z", "accelerometer_m_s2[2]", ""),
+];
+const PX4_FIX: [(&str, &str, &str); 6] = [
+    ("lat", "latitude_deg", "deg"),
+    ("lon", "longitude_deg", "deg"),
+    ("height", "altitude_ellipsoid_m", ""),
+    ("vel_n", "vel_n_m_s", ""),
+    ("vel_e", "vel_e_m_s", ""),
+    ("vel_d", "vel_d_m_s", ""),
+];
+
+/// A sensor of PX4, whose messages have fields of their own and a time since its start.
+fn px4_sensor(topic: &TopicSurvey, kind: &'static str, fields: &Fields) -> InBag {
+    let mut source = vec![
+        format!("topic = {}", quoted(&topic.name)),
+        "time = { field = \"timestamp\", unit = \"us\" }".to_owned(),
+    ];
+    source.extend(fields.iter().map(|(channel, field, unit)| match *unit {
+        "" => format!("channels.{channel} = {{ field = \"{field}\" }}"),
+        unit => format!("channels.{channel} = {{ field = \"{field}\", unit = \"{unit}\" }}"),
+    }));
+    let found = Found { kind, source, velocity: kind == "gnss", ..Found::default() };
+    InBag { found, lever_arm: None }
 }

@@ -13,6 +13,8 @@
 //! psi(t1) = Y(t2 - tau) - Y(t1 - tau) + noise`. The offset `tau` has the least sum of squares of
 //! the noise. Blocks of the recording show the drift.
 
+mod wide;
+
 use std::f64::consts::{PI, TAU};
 
 /// Gravity, m/s^2. An error of it changes the vertical axis alone, which is not used.
@@ -25,6 +27,10 @@ const ROWS: usize = 1 << 18;
 const SAMPLES: usize = 1 << 15;
 /// Largest offset that is searched, s.
 const LARGEST: f64 = 5.0;
+/// Least time between two samples, s.
+const SPACING: f64 = 0.98;
+/// Distance, s, to which an offset that was found is searched again.
+const AROUND: f64 = 2.0;
 /// Step of the search, s, which is less than the time over which a vehicle changes its motion.
 const STEP: f64 = 0.1;
 /// Share of the residuals at other offsets that the least ones must not exceed: otherwise the
@@ -35,6 +41,9 @@ const BLOCK: f64 = 100.0;
 const BLOCKS: usize = 8;
 /// Least number of differences of samples.
 const LEAST: usize = 30;
+/// Differences of time scales since 2015, s: GPS time and TAI from UTC, before and after the leap
+/// second of 2016, and 27 s where a program had an old table.
+const LEAPS: [f64; 5] = [17.0, 18.0, 27.0, 36.0, 37.0];
 /// Speed over ground, m/s, below which a course is no heading.
 const SLOWEST: f64 = 1.0;
 
@@ -101,8 +110,9 @@ impl Inertial {
         }
     }
 
-    /// The integrals at a time, between two rows; `None` outside of them.
-    fn at(&self, time: f64) -> Option<[f64; 7]> {
+    /// The integrals at a time, between two rows: three angles, three velocities, and the angle about
+    /// the vertical; `None` outside of them.
+    pub fn at(&self, time: f64) -> Option<[f64; 7]> {
         let after = self.rows.partition_point(|row| row[0] < time);
         let (a, b) = (self.rows.get(after.checked_sub(1)?)?, self.rows.get(after)?);
         let share = (time - a[0]) / (b[0] - a[0]);
@@ -115,8 +125,10 @@ impl Inertial {
 pub enum Measured {
     /// Time and velocity along the body's axes.
     Velocity(Vec<[f64; 4]>),
-    /// Time and heading, or course where the vehicle moves.
+    /// Time and heading.
     Heading(Vec<[f64; 2]>),
+    /// Time, and velocity north and east where the vehicle moves, whose direction is its heading.
+    Ground(Vec<[f64; 3]>),
 }
 
 impl Measured {
@@ -138,10 +150,13 @@ impl Measured {
         }
     }
 
-    /// Takes a velocity north and east, whose direction is the heading of a vehicle that moves.
-    pub fn course(&mut self, time: f64, north: f64, east: f64) {
-        if north.hypot(east) > SLOWEST {
-            self.heading(time, east.atan2(north));
+    /// Takes a velocity north and east.
+    pub fn ground(&mut self, time: f64, north: f64, east: f64) {
+        if let Self::Ground(rows) = self
+            && rows.len() < SAMPLES
+            && north.hypot(east) > SLOWEST
+        {
+            rows.push([time, north, east]);
         }
     }
 
@@ -149,6 +164,38 @@ impl Measured {
         match self {
             Self::Velocity(rows) => rows.iter().map(|r| r[0]).collect(),
             Self::Heading(rows) => rows.iter().map(|r| r[0]).collect(),
+            Self::Ground(rows) => rows.iter().map(|r| r[0]).collect(),
+        }
+    }
+
+    /// The same with samples at least some time apart, so that the noise of one is little against the
+    /// change between two.
+    fn spaced(&self) -> Self {
+        fn some<const N: usize>(rows: &[[f64; N]]) -> Vec<[f64; N]> {
+            let mut kept: Vec<[f64; N]> = Vec::with_capacity(rows.len());
+            for row in rows {
+                if kept.last().is_none_or(|last| row[0] - last[0] >= SPACING) {
+                    kept.push(*row);
+                }
+            }
+            kept
+        }
+        match self {
+            Self::Velocity(rows) => Self::Velocity(some(rows)),
+            Self::Heading(rows) => Self::Heading(some(rows)),
+            Self::Ground(rows) => Self::Ground(some(rows)),
+        }
+    }
+
+    /// The same with at most this many samples.
+    fn thinned(&self, most: usize) -> Self {
+        fn some<T: Copy>(rows: &[T], most: usize) -> Vec<T> {
+            rows.iter().step_by(rows.len().div_ceil(most).max(1)).copied().collect()
+        }
+        match self {
+            Self::Velocity(rows) => Self::Velocity(some(rows, most)),
+            Self::Heading(rows) => Self::Heading(some(rows, most)),
+            Self::Ground(rows) => Self::Ground(some(rows, most)),
         }
     }
 
@@ -157,6 +204,7 @@ impl Measured {
         match self {
             Self::Velocity(_) => "the change of its velocity with the specific force",
             Self::Heading(_) => "the change of its heading with the angular rate",
+            Self::Ground(_) => "the change of its course with the angular rate",
         }
     }
 
@@ -197,8 +245,39 @@ impl Measured {
             .collect()
     }
 
-    /// The difference of the samples `k` and `k + 1` from that of the IMU, on a clock behind by
-    /// `tau`.
+    /// The heading or the course of a sample, with its time.
+    fn heading_of(&self, k: usize) -> Option<[f64; 2]> {
+        match self {
+            Self::Velocity(_) => None,
+            Self::Heading(rows) => rows.get(k).copied(),
+            Self::Ground(rows) => rows.get(k).map(|r| [r[0], r[2].atan2(r[1])]),
+        }
+    }
+
+    /// The change between the samples `k` and `k + 1` on a clock behind by `tau`: as the sensor and as
+    /// the IMU measure it.
+    fn changes(
+        &self,
+        imu: &Inertial,
+        levelled: &[[f64; 3]],
+        k: usize,
+        tau: f64,
+    ) -> Option<[[f64; 2]; 2]> {
+        if let Self::Velocity(rows) = self {
+            let (a, b) = (rows.get(k)?, rows.get(k + 1)?);
+            let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
+            let ([change, _], y) = (Self::change(rows, k, &from, &to)?, levelled.get(k)?);
+            return Some([
+                [0, 1].map(|i| change[i] + y[i]),
+                [0, 1].map(|i| to[i + 3] - from[i + 3]),
+            ]);
+        }
+        let (a, b) = (self.heading_of(k)?, self.heading_of(k + 1)?);
+        let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
+        Some([[b[1] - a[1], 0.0], [to[6] - from[6], 0.0]])
+    }
+
+    /// The difference of the two changes.
     fn residual(
         &self,
         imu: &Inertial,
@@ -206,20 +285,12 @@ impl Measured {
         k: usize,
         tau: f64,
     ) -> Option<[f64; 2]> {
-        match self {
-            Self::Velocity(rows) => {
-                let (a, b) = (rows.get(k)?, rows.get(k + 1)?);
-                let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
-                let ([change, _], y) = (Self::change(rows, k, &from, &to)?, levelled.get(k)?);
-                Some([0, 1].map(|i| change[i] + y[i] - (to[i + 3] - from[i + 3])))
-            }
-            Self::Heading(rows) => {
-                let (a, b) = (rows.get(k)?, rows.get(k + 1)?);
-                let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
-                let change = b[1] - a[1] - (to[6] - from[6]);
-                Some([(change + PI).rem_euclid(TAU) - PI, 0.0])
-            }
-        }
+        let [own, other] = self.changes(imu, levelled, k, tau)?;
+        let difference = [0, 1].map(|i| own[i] - other[i]);
+        Some(match self {
+            Self::Velocity(_) => difference,
+            _ => [(difference[0] + PI).rem_euclid(TAU) - PI, 0.0],
+        })
     }
 }
 
@@ -298,7 +369,7 @@ fn fit(
     }
     let rows = match measured {
         Measured::Velocity(_) => 2 * pairs.len(),
-        Measured::Heading(_) => pairs.len(),
+        Measured::Heading(_) | Measured::Ground(_) => pairs.len(),
     };
     // the sum of squares S has the second derivative 2 / sigma^2 of the offset, times the variance
     let variance = cost(offset) / rows as f64;
@@ -307,11 +378,19 @@ fn fit(
 
 /// Compares the clock of a sensor with that of the IMU; `None` if the motion does not show it.
 pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
+    let measured = &measured.spaced();
     let times = measured.times();
     let pairs = pairs(&times);
-    let first = fit(imu, measured, &measured.levelled(imu, 0.0), &pairs, [-LARGEST, LARGEST])?;
-    let levelled = measured.levelled(imu, first.offset);
-    let all = fit(imu, measured, &levelled, &pairs, [-LARGEST, LARGEST])?;
+    let near = fit(imu, measured, &measured.levelled(imu, 0.0), &pairs, [-LARGEST, LARGEST]);
+    let (start, range) = match near {
+        Some(near) => (near.offset, [-LARGEST, LARGEST]),
+        None => {
+            let found = wide::search(imu, measured)?;
+            (found, [found - AROUND, found + AROUND])
+        }
+    };
+    let levelled = measured.levelled(imu, start);
+    let all = fit(imu, measured, &levelled, &pairs, range)?;
     let (first, last) = (*times.first()?, *times.last()?);
     let count = (((last - first) / BLOCK) as usize).min(BLOCKS);
     let length = (last - first) / count.max(1) as f64;
@@ -321,7 +400,7 @@ pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
         let within = |k: &&usize| (from..from + length).contains(&times[**k]);
         let some: Vec<usize> = pairs.iter().filter(within).copied().collect();
         // a drift of a percent would move the offset by more than this
-        let range = [all.offset - 2.0, all.offset + 2.0];
+        let range = [all.offset - AROUND, all.offset + AROUND];
         if let Some(one) = fit(imu, measured, &levelled, &some, range) {
             blocks.push((from + 0.5 * (length - (last - first)) - first, one));
         }
@@ -364,10 +443,18 @@ fn line(blocks: &[(f64, Fit)]) -> Option<([f64; 4], f64)> {
 }
 
 impl ClockOffset {
-    /// Returns `true` if the offset is more than its uncertainty and more than 20 ms.
+    /// Returns `true` if the offset is more than five times its uncertainty, and more than 20 ms.
     pub fn matters(&self) -> bool {
         let [offset, sigma] = self.offset;
-        offset.abs() > (3.0 * sigma).max(0.02)
+        offset.abs() > (5.0 * sigma).max(0.02)
+    }
+
+    /// The shift of the stamps that corrects the offset: the difference of two time scales
+    /// where it is one.
+    pub fn correction(&self) -> f64 {
+        let [offset, sigma] = self.offset;
+        let near = |leap: &&f64| (offset.abs() - **leap).abs() < (3.0 * sigma).max(0.1);
+        -LEAPS.iter().find(near).map_or(offset, |leap| leap.copysign(offset))
     }
 
     /// Describes the clock in words.

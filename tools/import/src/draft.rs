@@ -13,13 +13,13 @@ use std::fmt::Write;
 /// The mark of a line whose value the files do not give.
 pub const MARK: &str = "# ANSWER:";
 
-/// Deviation of the means of one second, m/s^2, below which a vehicle is at rest.
-const REST: f64 = 0.05;
 /// Longest gap of the IMU that is bridged without a question, s.
 const LONGEST_BRIDGED: f64 = 0.5;
 /// Speed, m/s, from which a course is a heading, and below which the alignment must be told.
 const SLOWEST: f64 = 0.7;
 const SLOW: f64 = 4.0;
+/// Velocity of a log, m/s, from which a vehicle moves.
+const SWIMS: f64 = 0.05;
 /// Recording, s, that is too short for the usual alignment by the course.
 const SHORT: f64 = 25.0;
 
@@ -102,7 +102,7 @@ fn process<'a>(
     answers: &Answers,
 ) {
     let imu = stream("imu");
-    let rest = imu.is_some_and(at_rest);
+    let rest = rests(stream);
     let attitude = |part: &&Part| stream(part.name).is_none_or(|s| s.first.get(6).is_some());
     let reference = recording.part("reference").filter(attitude);
     let gnss = recording.part("gnss").filter(|part| {
@@ -111,6 +111,9 @@ fn process<'a>(
         imu.is_some() && !rest && moves && velocity
     });
     out.line("[process.ins]");
+    if recording.part("ahrs").is_some() {
+        return dead_reckoning(out, recording, stream, answers);
+    }
     if reference.is_some() {
         out.ask("attitude = { sigma = \"0.1 deg\" }", "1-sigma of the reference");
         let moves = |s: &StreamSurvey| s.channel("vel_n").and_then(|k| s.first.get(k)).is_some();
@@ -129,7 +132,7 @@ fn process<'a>(
         position(out, recording, stream("gnss"), answers);
     }
     // a bias of some times the noise of one hour; only gyros with less find north at rest
-    let [gyro, _] = imu.map_or([0.3, 100.0], noise);
+    let [gyro, _] = imu.map_or([0.3, 100.0], StreamSurvey::densities);
     let aligned = reference.is_none() && gnss.is_none();
     let bias = round(if aligned { 0.1 * gyro } else { 3.0 * gyro });
     out.ask(&format!("gyro_bias = {{ sigma = \"{bias} deg/h\" }}"), "bias of the data sheet");
@@ -139,6 +142,19 @@ fn process<'a>(
         out.line("[estimator]");
         out.line("relinearise = \"60 s\"    # a wide heading at the start");
     }
+}
+
+/// A vehicle without an IMU, whose attitude is known.
+fn dead_reckoning<'a>(
+    out: &mut Text,
+    recording: &Recording,
+    stream: &impl Fn(&str) -> Option<&'a StreamSurvey>,
+    answers: &Answers,
+) {
+    out.line("type = \"dead-reckoning\"");
+    out.ask("acceleration = \"0.2 m/s^2/sqrt(Hz)\"", "how fast the vehicle changes its speed");
+    out.line("velocity = { initial = [\"0 m/s\", \"0 m/s\", \"0 m/s\"], sigma = \"1 m/s\" }");
+    position(out, recording, stream("gnss"), answers);
 }
 
 /// The alignment of a vehicle that drives.
@@ -155,7 +171,13 @@ fn course(out: &mut Text, gnss: Option<&StreamSurvey>, imu: Option<&StreamSurvey
         "" => out.line(&format!("alignment = \"course\"    {why}")),
         keys => out.line(&format!("alignment = {{ method = \"course\"{keys} }}    {why}")),
     }
-    out.line("position = { sigma = \"5 m\" }");
+    match gnss.is_none_or(|s| s.first.get(2).is_some()) {
+        true => out.line("position = { sigma = \"5 m\" }"),
+        false => out.ask(
+            "position = { sigma = [\"5 m\", \"5 m\", \"1 km\"] }",
+            "no file has the height above the ellipsoid",
+        ),
+    }
 }
 
 /// The position at the start: as answered, that of the first fix, or a question.
@@ -176,30 +198,16 @@ fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, 
     }
 }
 
-/// Tests whether the vehicle rests: the means of the specific force over one second hardly differ.
-fn at_rest(imu: &StreamSurvey) -> bool {
-    let increments = imu.channel("dvel_x").is_some();
-    let scale = if increments { 1.0 / imu.interval.max(1e-9) } else { 1.0 };
-    imu.samples > 0 && imu.wander[3..6].iter().all(|w| w * scale < REST)
-}
-
-/// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes.
-/// They are measured from sample to sample; at rest from second to second, where rounding has
-/// averaged out.
-fn noise(imu: &StreamSurvey) -> [f64; 2] {
-    let increments = imu.channel("dvel_x").is_some();
-    // a rate has the density s sqrt(dt), an increment over dt has s / sqrt(dt)
-    let dt = imu.interval.max(1e-9);
-    let density = if increments { 1.0 / dt.sqrt() } else { dt.sqrt() };
-    let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
-    let rest = at_rest(imu);
-    let largest = |k: usize| {
-        let fast = most(&imu.noise[k..k + 3]) * density;
-        // the mean over one second of a rate has the density itself as its deviation
-        let slow = most(&imu.wander[k..k + 3]) * if increments { 1.0 / dt } else { 1.0 };
-        if rest { fast.min(slow) } else { fast }
+/// Tests whether the vehicle rests by all of its sensors: one that moves evenly has a steady force.
+fn rests<'a>(stream: &impl Fn(&str) -> Option<&'a StreamSurvey>) -> bool {
+    let log = |s: &StreamSurvey| {
+        let first = s.channel("vel_x").unwrap_or(0);
+        let fast = |k: usize| s.mean[k].abs().max(s.wander[k]) > SWIMS;
+        s.samples > 0 && (first..first + 3).any(fast)
     };
-    [largest(0).to_degrees() * 3600.0, largest(3) / 9.80665e-6]
+    stream("imu").is_some_and(StreamSurvey::is_steady)
+        && !stream("dvl").is_some_and(log)
+        && stream("gnss").is_none_or(|s| s.fastest < SLOWEST)
 }
 
 /// A number with two digits that are significant.
@@ -233,19 +241,17 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
         out.line(&format!("type = \"{}\"", part.found.kind));
     }
     part.found.sensor.iter().for_each(|key| out.line(key));
+    part.samples.line().iter().for_each(|line| out.line(line));
     if let Some(clock) = stream.and_then(|s| s.clock) {
         out.line(&format!("# {}", clock.describe()));
-        if clock.matters() && !matches!(part.name, "reference" | "odometry") {
-            let [offset, sigma] = clock.offset;
-            let sigma = (2.0 * sigma).max(0.005);
-            out.line(&format!(
-                "# time_offset = {{ initial = \"{offset:.3} s\", sigma = \"{sigma:.3} s\" }}"
-            ));
+        if part.samples.clock.is_some() {
+            let sigma = (2.0 * clock.offset[1]).max(0.005);
+            out.line(&format!("time_offset = {{ sigma = \"{sigma:.3} s\" }}"));
         }
     }
     match part.name {
         "imu" => {
-            let [gyro, accel] = stream.map_or([0.3, 100.0], noise).map(round);
+            let [gyro, accel] = stream.map_or([0.3, 100.0], StreamSurvey::densities).map(round);
             let why = "measured from sample to sample, with the vibration of the vehicle";
             out.ask(&format!("gyro_noise = \"{gyro} deg/h/sqrt(Hz)\""), why);
             out.ask(&format!("accel_noise = \"{accel} ug/sqrt(Hz)\""), why);
@@ -258,10 +264,15 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
                 out.line(&format!("max_gap = \"{LONGEST_BRIDGED} s\""));
             }
         }
+        "ahrs" => {
+            out.ask("noise = \"0.5 deg\"", "noise from sample to sample");
+            out.ask("tilt = \"1 deg\"", "accuracy of roll and pitch of the data sheet");
+            out.ask("heading = \"5 deg\"", "accuracy of the heading; is it from true north?");
+        }
         "dvl" => {
             out.ask("noise = \"2 cm/s\"", "noise of the data sheet");
             out.ask("scale = { sigma = \"0.5 %\" }", "accuracy of the data sheet");
-            out.ask("misalignment = { sigma = \"1 deg\" }", "accuracy of the mounting");
+            mounting(out, part);
             lever_arm(out, part, "position from the IMU");
         }
         "depth" => out.ask("noise = \"10 cm\"", "noise of the data sheet"),
@@ -295,6 +306,19 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     }
 }
 
+/// The mounting of a velocity log: `v_b = e^(i alpha) v_d` is a yaw of `-alpha` of `C_d^b`.
+fn mounting(out: &mut Text, part: &Part) {
+    let Some(turn) = part.samples.mounting else {
+        return out.ask("misalignment = { sigma = \"1 deg\" }", "accuracy of the mounting");
+    };
+    let (yaw, sigma) = (-turn.angle.to_degrees(), (3.0 * turn.sigma.to_degrees()).max(1.0));
+    let line = format!(
+        "misalignment = {{ initial = [\"0 deg\", \"0 deg\", \"{yaw:.1} deg\"], \
+         sigma = [\"1 deg\", \"1 deg\", \"{sigma:.1} deg\"] }}"
+    );
+    out.ask(&line, "mounting of the instrument, as its accelerations show it");
+}
+
 /// The lever arm of a sensor, where the recording has it, or a question.
 fn lever_arm(out: &mut Text, part: &Part, question: &str) {
     match part.lever_arm {
@@ -311,9 +335,12 @@ fn sources(out: &mut Text, recording: &Recording) {
     for part in recording.parts.iter().filter(|p| p.reader == Reader::Csv) {
         out.line(&format!("[source.csv.files.{}]", part.name));
         out.line(&format!("path = {}", path(part)));
-        part.found.source.iter().for_each(|key| out.line(key));
-        out.line("disorder = \"skip\"");
-        out.line("nan = \"missing\"");
+        table(out, &part.found.source);
+        if let Some((keys, file)) = &part.more {
+            out.line(&format!("[source.csv.more.{}]", part.name));
+            out.line(&format!("path = {}", quoted(&file.display().to_string())));
+            table(out, keys);
+        }
         questions(out, part);
     }
     for part in &recording.parts {
@@ -355,6 +382,13 @@ fn sources(out: &mut Text, recording: &Recording) {
             questions(out, part);
         }
     }
+}
+
+/// The keys of a table.
+fn table(out: &mut Text, keys: &[String]) {
+    keys.iter().for_each(|key| out.line(key));
+    out.line("disorder = \"skip\"");
+    out.line("nan = \"missing\"");
 }
 
 /// The tables of the logs of vehicles, one for each file.

@@ -5,17 +5,21 @@
 //! sources, and writes the final scenario with what the samples show. What no sample shows is
 //! marked with [`MARK`].
 
+mod axes;
 mod bag;
 mod clocks;
 mod draft;
+mod folder;
 mod found;
 mod instrument;
 mod marks;
 mod recording;
+mod samples;
 mod stream;
 mod table;
 mod vehicle;
 
+pub use axes::Turn;
 pub use clocks::ClockOffset;
 pub use draft::MARK;
 pub use found::OdometryUse;

@@ -8,8 +8,7 @@ const UNPACK: &str = "unpack it and give its files";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 26] = [
-    (0, b"FMT, 128, 89, FMT", "an ArduPilot DataFlash log as text", CONVERT),
+const LONG: [Mark; 25] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),

@@ -1,10 +1,11 @@
 //! The files of a recording and the sensors in them.
 
 use crate::bag::{self, InBag};
+use crate::folder;
 use crate::found::{Found, OdometryUse};
 use crate::instrument;
 use crate::marks;
-use crate::stream::StreamSurvey;
+use crate::samples::Samples;
 use crate::table;
 use crate::vehicle;
 use navfuse_core::model::stream::StreamError;
@@ -18,16 +19,19 @@ const TABLE: u64 = 4 * 1024 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
 
-/// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
-const FAST: f64 = 0.5;
-const STILL: f64 = 0.005;
-/// Ratio of rates in deg/s to the changes of the attitude in rad/s: 57, or less by the noise of the
-/// changes.
-const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
-
 /// The sensors in the order of a scenario.
-const ORDER: [&str; 9] =
-    ["imu", "dvl", "depth", "gnss", "compass", "odometer", "odometry", "reference", "attitude"];
+const ORDER: [&str; 10] = [
+    "imu",
+    "ahrs",
+    "dvl",
+    "depth",
+    "gnss",
+    "compass",
+    "odometer",
+    "odometry",
+    "reference",
+    "attitude",
+];
 
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +56,10 @@ pub struct Part {
     pub file: PathBuf,
     /// Position from the IMU along forward, right, down, m, where the recording has it.
     pub lever_arm: Option<[f64; 3]>,
+    /// Keys and file of the other half of an inertial unit.
+    pub more: Option<(Vec<String>, PathBuf)>,
+    /// Conversion of the samples that they need.
+    pub samples: Samples,
 }
 
 /// The sensors of a recording.
@@ -69,10 +77,14 @@ pub struct Recording {
     contents: Vec<(PathBuf, String)>,
     /// Set if a file is a bag.
     bag: bool,
-    /// Set once the axes were turned.
-    turned: bool,
+    /// Set once the IMU was levelled, and once it was turned about the vertical.
+    pub turned: [bool; 2],
+    /// Set once the mounting of the velocity log was found.
+    pub mounted: bool,
     /// Roll, pitch and yaw at the start by the vehicle's own filter, rad.
     pub attitude: Option<[f64; 3]>,
+    /// Gyros and accelerometers in files of their own.
+    halves: [Option<(Found, PathBuf)>; 2],
 }
 
 impl Recording {
@@ -87,17 +99,31 @@ impl Recording {
         stop: &AtomicBool,
     ) -> Result<Option<Self>, StreamError> {
         let mut recording = Self { odometry, ..Self::default() };
-        for file in files {
-            if !recording.add(file, stop)? {
-                return Ok(None);
+        for given in files {
+            let inside = folder::files(given);
+            for file in inside.as_deref().unwrap_or(std::slice::from_ref(given)) {
+                match recording.add(file, stop) {
+                    Ok(true) => {}
+                    Ok(false) => return Ok(None),
+                    // nobody named it
+                    Err(error) if inside.is_some() => {
+                        recording.notes.push(format!("{error}: left out"));
+                    }
+                    Err(error) => return Err(error),
+                }
             }
         }
         recording.use_odometry()?;
-        if recording.part("imu").is_none() {
+        recording.join_halves();
+        if recording.part("imu").is_none() && !recording.drive_by_attitude() {
             return Err(recording.without_imu());
         }
-        recording.parts.sort_by_key(|part| ORDER.iter().position(|name| *name == part.name));
+        recording.sort();
         Ok(Some(recording))
+    }
+
+    fn sort(&mut self) {
+        self.parts.sort_by_key(|part| ORDER.iter().position(|name| *name == part.name));
     }
 
     /// The error of a recording without an IMU: what each file has, and what is missing.
@@ -115,13 +141,34 @@ impl Recording {
         StreamError::format(text).with_remedy(remedy)
     }
 
+    /// Drives the filter by the attitude of the vehicle's own system, with the velocity of a log,
+    /// instead of an inertial unit; `false` if the recording has no such attitude.
+    pub fn drive_by_attitude(&mut self) -> bool {
+        let aided = ["dvl", "gnss"].iter().any(|name| self.part(name).is_some());
+        if !aided || self.part("attitude").is_none() {
+            return false;
+        }
+        self.parts.retain(|part| part.name != "imu");
+        let Some(part) = self.parts.iter_mut().find(|part| part.name == "attitude") else {
+            return false;
+        };
+        part.name = "ahrs";
+        part.found.kind = "ahrs";
+        for key in &mut part.found.source {
+            *key = key.replace("sensors.attitude", "sensors.ahrs");
+        }
+        self.sort();
+        true
+    }
+
     /// The sensor of a name.
     pub fn part(&self, name: &str) -> Option<&Part> {
         self.parts.iter().find(|part| part.name == name)
     }
 
     fn add(&mut self, file: &Path, stop: &AtomicBool) -> Result<bool, StreamError> {
-        let bytes = match file.is_dir() {
+        let rows = navfuse_csv::is_folder(file);
+        let bytes = match file.is_dir() && !rows {
             true => Vec::new(),
             false => {
                 navfuse_csv::beginning(file, BEGINNING).map_err(|e| StreamError::open(file, e))?
@@ -132,7 +179,7 @@ impl Recording {
             return Err(StreamError::format(text).in_file(file).with_remedy(remedy));
         }
         let absolute = std::fs::canonicalize(file).map_err(|e| StreamError::open(file, e))?;
-        if bag::is_bag(file, &bytes) {
+        if !rows && bag::is_bag(file, &bytes) {
             let paths = [file.to_owned()];
             let Some(survey) = navfuse_ros2::survey(&paths, || stop.load(Ordering::Relaxed))?
             else {
@@ -158,7 +205,9 @@ impl Recording {
             self.undecided = odometry.map(|odometry| (odometry, file.to_owned()));
             return Ok(true);
         }
-        let (reader, found) = if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
+        let (reader, found) = if rows {
+            (Reader::Csv, table::oxts(&String::from_utf8_lossy(&bytes)))
+        } else if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
             (Reader::Dvl(stamp), found)
         } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
             let bytes =
@@ -214,6 +263,15 @@ impl Recording {
         absolute: &Path,
         lever_arm: Option<[f64; 3]>,
     ) -> Result<(), StreamError> {
+        let half = ["gyros", "accels"].iter().position(|kind| *kind == found.kind);
+        if let Some(k) = half {
+            if let Some((_, other)) = &self.halves[k] {
+                let message = format!("it has the {}, as {} has", found.kind, other.display());
+                return Err(StreamError::format(message).in_file(file));
+            }
+            self.halves[k] = Some((found, absolute.to_owned()));
+            return Ok(());
+        }
         let name = match found.kind {
             "dual-antenna" => "compass",
             "relative-pose" => "odometry",
@@ -230,140 +288,37 @@ impl Recording {
             );
             return Err(StreamError::format(message).in_file(file));
         }
-        self.parts.push(Part { name, found, reader, file: absolute.to_owned(), lever_arm });
+        let file = absolute.to_owned();
+        self.parts.push(Part {
+            name,
+            found,
+            reader,
+            file,
+            lever_arm,
+            more: None,
+            samples: Samples::default(),
+        });
         Ok(())
     }
 
-    /// Changes the description by what the samples show; `true` if it changed.
-    pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
-        let turned = self.turn_axes(streams) | self.scale_rates(streams);
-        // the attitude is along the axes of the IMU
-        let changed = turned || self.take_attitude(streams);
-        self.drop_empty(streams) || changed
-    }
-
-    /// Scales the rates of a bag's IMU that are in degrees: they exceed the changes of the
-    /// vehicle's own roll and pitch by far.
-    fn scale_rates(&mut self, streams: &[StreamSurvey]) -> bool {
-        let stream = |name: &str| streams.iter().find(|s| s.sensor == name);
-        let Some((imu, own)) = stream("imu").zip(stream("attitude")) else { return false };
-        let fits = |(gyro, angle): (&str, &str)| {
-            let Some((k, a)) = imu.channel(gyro).zip(own.channel(angle)) else { return false };
-            let rate = imu.mean[k].hypot(imu.wander[k]).hypot(imu.noise[k]);
-            let turn = std::f64::consts::SQRT_2 * own.noise[a] / own.interval.max(1e-9);
-            rate > FAST && turn > STILL && DEGREES.contains(&(rate / turn))
-        };
-        let bag = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Bag;
-        let Some(part) = self.parts.iter_mut().find(bag) else { return false };
-        if !part.found.sensor.is_empty()
-            || ![("gyro_x", "roll"), ("gyro_y", "pitch")].map(fits).iter().all(|f| *f)
-        {
-            return false;
-        }
-        let unit = 1_f64.to_radians();
-        let factors = format!("gyro_x = {unit}, gyro_y = {unit}, gyro_z = {unit}");
-        part.found.sensor.push(format!("samples = {{ factor = {{ {factors} }} }}"));
-        let text =
-            "the vehicle's own attitude turns as if the rates were in deg/s: they are scaled";
-        part.found.questions.push(text.to_owned());
-        self.notes.push(format!("imu: {text}"));
-        true
-    }
-
-    /// Leaves out sensors of which no file has a valid sample.
-    fn drop_empty(&mut self, streams: &[StreamSurvey]) -> bool {
-        let silent = |name: &str| streams.iter().any(|s| s.sensor == name && s.samples == 0);
-        let (empty, parts) = std::mem::take(&mut self.parts)
-            .into_iter()
-            .partition::<Vec<Part>, _>(|part| part.name != "imu" && silent(part.name));
-        self.parts = parts;
-        let note = |part: &Part| {
-            format!("{}: {} has no valid sample for it: left out", part.name, part.file.display())
-        };
-        self.notes.extend(empty.iter().filter(|p| p.name != "attitude").map(note));
-        !empty.is_empty()
-    }
-
-    /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.
-    fn take_attitude(&mut self, streams: &[StreamSurvey]) -> bool {
-        let Some(k) = self.parts.iter().position(|part| part.name == "attitude") else {
-            return false;
-        };
-        self.parts.remove(k);
-        self.attitude = streams.iter().find(|s| s.sensor == "attitude").and_then(|s| {
-            let angle = |name| s.first.get(s.channel(name)?);
-            Some([angle("roll")?, angle("pitch")?, angle("yaw")?])
-        });
-        true
-    }
-
-    fn turn_axes(&mut self, streams: &[StreamSurvey]) -> bool {
-        let stream = |name: &str| streams.iter().find(|s| s.sensor == name);
-        let mut changed = false;
-        if let Some(imu) = stream("imu")
-            && !std::mem::replace(&mut self.turned, true)
-        {
-            let up = imu.channel("accel_z").map(|k| imu.mean[k]).or_else(|| {
-                let k = imu.channel("dvel_z")?;
-                (imu.interval > 0.0).then(|| imu.mean[k] / imu.interval)
-            });
-            if up.is_some_and(|up| up > 5.0) {
-                self.turn_imu();
-                changed = true;
-            }
-        }
-        let dated = self.parts.iter().find_map(|p| match p.reader {
-            Reader::Dvl(stamp) => stamp,
-            _ => None,
-        });
-        // ten years after 1970, below which a clock is not that of Unix
-        let counts = stream("imu").is_some_and(|imu| imu.span[0].seconds() < 315_576_000.0);
-        if dated.is_some() && counts && self.origin.is_none() {
-            self.origin = dated;
-            changed = true;
-        }
-        changed
-    }
-
-    /// Turns an IMU with axes forward, left, up.
-    fn turn_imu(&mut self) {
-        let bag = |p: &Part| matches!(p.name, "imu" | "attitude") && p.reader == Reader::Bag;
-        for part in self.parts.iter_mut().filter(|p| bag(p)) {
-            // the source has turned the axes of ROS, which these were not
-            part.found.source.push("axes = \"frd\"".to_owned());
-        }
-        if let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu" && bag(p)) {
-            let text = "its axes are forward, right, down already, and not the axes of ROS";
-            part.found.questions.push(format!("by the mean of accel_z, {text}"));
-            self.notes.push(format!("imu: {text}"));
+    /// Makes one inertial unit of gyros and accelerometers in two files.
+    fn join_halves(&mut self) {
+        if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) {
             return;
         }
-        let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu") else { return };
-        let note = "imu: its z axis points up; y and z are turned to right and down";
-        self.notes.push(note.to_owned());
-        part.found.questions.push(
-            "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
-             assumed, and y and z are turned"
-                .to_owned(),
-        );
-        if part.reader != Reader::Csv {
-            part.found.sensor.push("samples = { axes = [\"x\", \"-y\", \"-z\"] }".to_owned());
+        let [Some((gyros, other)), Some((accels, file))] = std::mem::take(&mut self.halves) else {
             return;
-        }
-        let increments = !part.found.sensor.is_empty();
-        let names = if increments {
-            ["dtheta_y", "dtheta_z", "dvel_y", "dvel_z"]
-        } else {
-            ["gyro_y", "gyro_z", "accel_y", "accel_z"]
         };
-        for name in names {
-            let key = format!("columns.{name} = {{");
-            let line = part.found.source.iter_mut().find(|line| line.starts_with(&key));
-            match line.and_then(|line| line.strip_suffix(" }").map(|l| l.len()).zip(Some(line))) {
-                Some((length, line)) => line.replace_range(length.., ", scale = -1 }"),
-                None => part.found.source.push(format!("{key} scale = -1 }}")),
-            }
-        }
+        let mut found = Found { kind: "imu", ..accels };
+        found.questions.extend(gyros.questions);
+        found.questions.push(format!(
+            "the rates of {} are interpolated to the times of the specific forces",
+            other.display()
+        ));
+        let more = Some((gyros.source, other));
+        let (name, reader) = ("imu", Reader::Csv);
+        let samples = Samples::default();
+        self.parts.push(Part { name, found, reader, file, lever_arm: None, more, samples });
     }
 }
 
@@ -385,5 +340,6 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
         ));
     }
     let beginning = navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
-    table::recognise(&String::from_utf8_lossy(&beginning)).map_err(refused)
+    let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    table::recognise(&String::from_utf8_lossy(&beginning), &name).map_err(refused)
 }

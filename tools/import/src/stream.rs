@@ -1,5 +1,6 @@
 //! What the samples of a sensor show.
 
+use crate::axes::{self, Turn};
 use crate::clocks::{self, ClockOffset, Inertial, Measured};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
@@ -16,6 +17,10 @@ const GAP: f64 = 2.5;
 /// Time between the positions that give a speed, s, and the radius of the Earth, m.
 const TRAVEL: f64 = 5.0;
 const RADIUS: f64 = 6.371e6;
+/// Time between the positions that give a course, s.
+const BETWEEN: f64 = 1.0;
+/// Deviation of the means of one second, m/s^2, below which an IMU is steady.
+const STEADY: f64 = 0.05;
 /// Length of the means by which rest is judged, s.
 const BLOCK: f64 = 1.0;
 
@@ -51,6 +56,10 @@ pub struct StreamSurvey {
     pub fastest: f64,
     /// The clock, compared with that of the IMU; `None` where the motion does not show it.
     pub clock: Option<ClockOffset>,
+    /// The turn of the IMU against the course of a receiver, or of a velocity log against the IMU.
+    pub turn: Option<Turn>,
+    /// Correlation of the third velocity of a log with the rate of the depth.
+    pub sinks: Option<f64>,
 }
 
 /// The motion that a sensor measures, for the comparison of clocks.
@@ -64,12 +73,15 @@ enum Motion {
     Heading(Measured, usize),
     /// Indices of the velocities north and east.
     Course(Measured, [usize; 2]),
+    /// Indices of latitude and longitude, and the time and the position before.
+    Place(Measured, [usize; 2], Option<[f64; 3]>),
+    /// Time and depth.
+    Depth(Vec<[f64; 2]>),
 }
 
 impl Motion {
     fn of(survey: &StreamSurvey) -> Self {
         let at = |name| survey.channel(name);
-        let heading = || Measured::Heading(Vec::new());
         if let Some((gyro, accel)) = at("gyro_x").zip(at("accel_x")) {
             Self::Inertial(Box::default(), [gyro, accel], false)
         } else if let Some((gyro, accel)) = at("dtheta_x").zip(at("dvel_x")) {
@@ -77,9 +89,13 @@ impl Motion {
         } else if let Some(first) = at("vel_x") {
             Self::Velocity(Measured::Velocity(Vec::new()), first)
         } else if let Some(k) = at("yaw").or_else(|| at("heading")) {
-            Self::Heading(heading(), k)
+            Self::Heading(Measured::Heading(Vec::new()), k)
         } else if let Some((north, east)) = at("vel_n").zip(at("vel_e")) {
-            Self::Course(heading(), [north, east])
+            Self::Course(Measured::Ground(Vec::new()), [north, east])
+        } else if let Some((lat, lon)) = at("lat").zip(at("lon")) {
+            Self::Place(Measured::Ground(Vec::new()), [lat, lon], None)
+        } else if at("depth") == Some(0) {
+            Self::Depth(Vec::new())
         } else {
             Self::None
         }
@@ -109,7 +125,19 @@ impl Motion {
             }
             Self::Course(measured, [north, east]) => {
                 if let Some((north, east)) = sample.get(*north).zip(sample.get(*east)) {
-                    measured.course(time, north, east);
+                    measured.ground(time, north, east);
+                }
+            }
+            Self::Depth(rows) => rows.extend(sample.get(0).map(|depth| [time, depth])),
+            Self::Place(measured, [lat, lon], before) => {
+                let Some((lat, lon)) = sample.get(*lat).zip(sample.get(*lon)) else { return };
+                let [from, lat0, lon0] = *before.get_or_insert([time, lat, lon]);
+                let seconds = time - from;
+                if seconds >= BETWEEN {
+                    let north = RADIUS * (lat - lat0) / seconds;
+                    let east = RADIUS * (lon - lon0) * lat.cos() / seconds;
+                    measured.ground(0.5 * (from + time), north, east);
+                    *before = Some([time, lat, lon]);
                 }
             }
         }
@@ -119,8 +147,9 @@ impl Motion {
         match self {
             Self::Velocity(measured, _)
             | Self::Heading(measured, _)
-            | Self::Course(measured, _) => Some(measured),
-            Self::None | Self::Inertial(..) => None,
+            | Self::Course(measured, _)
+            | Self::Place(measured, ..) => Some(measured),
+            Self::None | Self::Inertial(..) | Self::Depth(_) => None,
         }
     }
 }
@@ -227,6 +256,12 @@ impl Running {
         }
     }
 
+    /// The mean of the specific force, or of its increments.
+    fn force(&self) -> Option<[f64; 3]> {
+        let Motion::Inertial(_, [_, first], _) = self.motion else { return None };
+        Some([0, 1, 2].map(|k| self.sums[first + k].mean))
+    }
+
     fn finish(mut self) -> StreamSurvey {
         let survey = &mut self.survey;
         survey.interval = median(&self.intervals);
@@ -249,6 +284,33 @@ impl StreamSurvey {
     /// Index of a channel.
     pub fn channel(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|c| **c == *name)
+    }
+
+    /// Tests whether an IMU hardly accelerates: the means of the specific force over one second are
+    /// nearly the same.
+    pub fn is_steady(&self) -> bool {
+        let increments = self.channel("dvel_x").is_some();
+        let scale = if increments { 1.0 / self.interval.max(1e-9) } else { 1.0 };
+        self.samples > 0 && self.wander[3..6].iter().all(|w| w * scale < STEADY)
+    }
+
+    /// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes.
+    /// They are measured from sample to sample; of a steady IMU from second to second, where rounding
+    /// has averaged out.
+    pub fn densities(&self) -> [f64; 2] {
+        let increments = self.channel("dvel_x").is_some();
+        // a rate has the density s sqrt(dt), an increment over dt has s / sqrt(dt)
+        let dt = self.interval.max(1e-9);
+        let density = if increments { 1.0 / dt.sqrt() } else { dt.sqrt() };
+        let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+        let steady = self.is_steady();
+        let largest = |k: usize| {
+            let fast = most(&self.noise[k..k + 3]) * density;
+            // the mean over one second of a rate has the density itself as its deviation
+            let slow = most(&self.wander[k..k + 3]) * if increments { 1.0 / dt } else { 1.0 };
+            if steady { fast.min(slow) } else { fast }
+        };
+        [largest(0).to_degrees() * 3600.0, largest(3) / 9.80665e-6]
     }
 
     /// Time from the first to the last sample, s.
@@ -277,6 +339,8 @@ pub fn survey(
             survey: StreamSurvey {
                 fastest: 0.0,
                 clock: None,
+                turn: None,
+                sinks: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
                 samples: 0,
@@ -308,6 +372,10 @@ pub fn survey(
         let (mut sample, mut sensor) = (zero, None);
         while source.next(&mut sample)? {
             let Some(one) = running.get_mut(sample.sensor.0) else { continue };
+            let composed = assembly.composition.sensors.get(sample.sensor.0);
+            if let Some(converter) = composed.and_then(|s| s.conversion.as_ref()) {
+                converter.apply(&mut sample);
+            }
             one.take(&sample);
             sensor = Some(sample.sensor.0);
             if one.survey.samples.is_multiple_of(4096) && stop.load(Ordering::Relaxed) {
@@ -322,15 +390,29 @@ pub fn survey(
     Ok(Some(running.into_iter().map(Running::finish).collect()))
 }
 
-/// Compares the clock of each sensor with that of the IMU.
+/// Compares the clock and the axes of each sensor with those of the IMU.
 fn compare(running: &mut [Running]) {
     let inertial = |one: &Running| match &one.motion {
         Motion::Inertial(inertial, ..) => Some(inertial.clone()),
         _ => None,
     };
     let Some(imu) = running.iter().find_map(inertial) else { return };
+    let force = running.iter().find_map(Running::force);
+    let depth = running.iter().find_map(|one| match &one.motion {
+        Motion::Depth(rows) => Some(rows.clone()),
+        _ => None,
+    });
     for one in running {
-        one.survey.clock = one.motion.measured().and_then(|m| clocks::compare(&imu, m));
+        let Some(measured) = one.motion.measured() else { continue };
+        one.survey.clock = clocks::compare(&imu, measured);
+        if let (Measured::Velocity(log), Some(depth)) = (measured, &depth) {
+            one.survey.sinks = axes::sinks(log, depth);
+        }
+        one.survey.turn = force.and_then(|force| match measured {
+            Measured::Ground(rows) => axes::against_course(&imu, force, rows),
+            Measured::Velocity(rows) => axes::of_log(&imu, force, rows),
+            Measured::Heading(_) => None,
+        });
     }
 }
 

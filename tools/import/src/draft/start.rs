@@ -1,7 +1,7 @@
 //! The start of a filter without a reference and without a course: an alignment where the gyros find
 //! north, else the attitude of gravity with a heading that is asked for.
 
-use super::{Text, at_rest, noise};
+use super::{Text, rests};
 use crate::recording::Recording;
 use crate::stream::StreamSurvey;
 
@@ -21,7 +21,7 @@ const EARTH_RATE: f64 = 10.0;
 /// The 1-sigma of the heading that gyros find in a time at rest, rad: the mean of their noise
 /// against the Earth's rate.
 fn north(imu: &StreamSurvey, seconds: f64) -> f64 {
-    noise(imu)[0] / seconds.max(1.0).sqrt() / EARTH_RATE
+    imu.densities()[0] / seconds.max(1.0).sqrt() / EARTH_RATE
 }
 
 /// The heading at the start, rad, with its 1-sigma in deg and a question about it.
@@ -45,7 +45,7 @@ pub fn align<'a>(
     // a receiver measures the velocity too
     let moving = recording.part("gnss").is_some_and(|gnss| gnss.found.velocity);
     let velocity = if moving { ", velocity = \"dvl\"" } else { "" };
-    let (span, rest) = (imu.length(), at_rest(imu));
+    let (span, rest) = (imu.length(), rests(stream));
     // the last second is for the filter
     let duration = (span - 1.0).floor().min(LONGEST);
     if rest || recording.part("dvl").is_none() {

@@ -3,7 +3,7 @@
 use super::columns::Table;
 use super::content::increases;
 use super::units::{self, Decided, Evidence, median, settle};
-use super::vocabulary::Meaning;
+use super::vocabulary::{Meaning, words};
 use navfuse_core::document::quoted;
 use std::ops::RangeInclusive;
 
@@ -11,6 +11,21 @@ use std::ops::RangeInclusive;
 const INTERVALS: RangeInclusive<f64> = 2e-5..=120.0;
 /// The column of Xsens, which counts at 10 kHz.
 const TICKS: (&str, &str) = ("SampleTimeFine", "100*us");
+
+/// Words for the parts of a date that stand in columns of their own.
+const FIELDS: [&[&str]; 6] = [
+    &["year", "yyyy", "jahr"],
+    &["month", "mon", "monat"],
+    &["day", "tag"],
+    &["hour", "hours", "hh", "stunde"],
+    &["minute", "minutes", "min", "mm"],
+    &["second", "seconds", "sec", "ss", "s", "sekunde"],
+];
+/// Words for whole seconds, and for the nanoseconds beside them.
+const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "s"];
+const NANOS: [&str; 6] = ["nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "ns"];
+/// Seconds of a week.
+const WEEK: f64 = 604_800.0;
 
 /// The time of a table.
 pub struct Clock {
@@ -23,11 +38,15 @@ pub struct Clock {
 }
 
 impl Table<'_> {
-    /// The column of the time: the first one that increases, in the order of the words for it.
+    /// The time: a date whose parts have columns of their own, seconds with nanoseconds beside them,
+    /// or the first column that increases, in the order of the words for it.
     ///
     /// # Errors
-    /// When there is none, or a time of the day has no date.
+    /// When there is none.
     pub(super) fn clock(&self, usual: f64) -> Result<Clock, String> {
+        if let Some(clock) = self.fields().or_else(|| self.with_nanos()) {
+            return Ok(clock);
+        }
         let mut times: Vec<&(usize, Meaning)> =
             self.columns.iter().filter(|(_, m)| m.channel == "time").collect();
         times.sort_by_key(|(k, m)| (!self.usual(*k, "time"), m.rank));
@@ -36,13 +55,71 @@ impl Table<'_> {
         let counts = |k: usize| self.layout.rows.len() < 3 || increases(&self.layout.column(k));
         let found = times.iter().find(|(k, _)| in_words(*k) || counts(*k)).or(times.first());
         match found {
-            Some((k, _)) if in_words(*k) => self.date(*k, cell(*k)),
+            Some((k, _)) if in_words(*k) => Ok(self.date(*k, cell(*k))),
             Some((k, meaning)) => Ok(self.number(*k, meaning, usual)),
-            None => {
-                let list = self.listed();
-                Err(format!("no column of the time among {list}; name it time_s"))
-            }
+            None => self.unnamed(usual),
         }
+    }
+
+    /// A column without a known heading that increases from row to row, or holds dates.
+    fn unnamed(&self, usual: f64) -> Result<Clock, String> {
+        let free = |k: &usize| self.columns.iter().all(|(used, _)| used != k);
+        let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
+        let columns = || (0..self.layout.width()).filter(free);
+        let dated = columns().find(|k| cell(*k).matches(':').count() == 2);
+        let rising = || columns().find(|k| increases(&self.layout.column(*k)));
+        let Some(k) = dated.or_else(rising) else {
+            let list = self.listed();
+            return Err(format!("no column of the time among {list}; name it time_s"));
+        };
+        let meaning = Meaning { channel: "time", unit: None, sign: 1.0, rank: 0 };
+        let mut clock = match dated {
+            Some(k) => self.date(k, cell(k)),
+            None => self.number(k, &meaning, usual),
+        };
+        clock.questions.push(format!("the column {} is taken for the time", self.heading(k)));
+        Ok(clock)
+    }
+
+    /// The column whose heading ends with one of these words, the rest of it being `stem`.
+    fn ending(&self, ends: &[&str], stem: Option<&[String]>) -> Option<(usize, Vec<String>)> {
+        self.layout.headings.iter().enumerate().find_map(|(k, heading)| {
+            let mut words = words(heading);
+            let last = words.pop()?;
+            let fits = ends.contains(&last.as_str()) && stem.is_none_or(|stem| stem == words);
+            fits.then_some((k, words))
+        })
+    }
+
+    /// A date whose year, month, day, hour, minute and second have columns of their own.
+    fn fields(&self) -> Option<Clock> {
+        let mut columns = [0; 6];
+        for (column, names) in columns.iter_mut().zip(FIELDS) {
+            let (k, _) = self.ending(names, Some(&[]))?;
+            *column = k;
+        }
+        let values = columns.map(|k| self.layout.column(k));
+        let number = values.iter().all(|v| v.first().is_some_and(|v| v.is_finite()));
+        let [_, _, _, hours, minutes, seconds] = &values;
+        let second = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k];
+        let names = columns.map(|k| quoted(self.heading(k)));
+        let key =
+            format!("time = {{ column = {}, fields = [{}] }}", names[5], names[..5].join(", "));
+        let seconds = (0..hours.len()).map(second).collect();
+        number.then_some(Clock { key: Some(key), seconds, questions: Vec::new() })
+    }
+
+    /// Whole seconds with the nanoseconds in a column of their own.
+    fn with_nanos(&self) -> Option<Clock> {
+        let (nanos, stem) = self.ending(&NANOS, None)?;
+        let (seconds, _) = self.ending(&SECONDS, Some(&stem))?;
+        let (whole, parts) = (self.layout.column(seconds), self.layout.column(nanos));
+        let fits =
+            whole.iter().all(|t| t.fract() == 0.0) && parts.iter().all(|n| (0.0..1e9).contains(n));
+        let [column, nanos] = [seconds, nanos].map(|k| quoted(self.heading(k)));
+        let key = format!("time = {{ column = {column}, unit = \"s\", nanos = {nanos} }}");
+        let seconds = whole.iter().zip(&parts).map(|(t, n)| t + 1e-9 * n).collect();
+        fits.then_some(Clock { key: Some(key), seconds, questions: Vec::new() })
     }
 
     /// A time that is a number.
@@ -66,25 +143,77 @@ impl Table<'_> {
         let own = self.usual(k, "time") && meaning.unit.as_ref() == Some(&unit);
         let key = format!("time = {{ column = {}, unit = {} }}", quoted(heading), quoted(&unit));
         let factor = units::factor(&unit);
-        let seconds = values.iter().map(|t| t * factor).collect();
+        let seconds: Vec<f64> = values.iter().map(|t| t * factor).collect();
+        let name = words(heading).concat();
+        let of_week = ["tow", "sow", "week", "gps"].iter().any(|word| name.contains(word))
+            && seconds.iter().all(|t| (0.0..=WEEK).contains(t));
+        let week = self.find("week").filter(|_| of_week);
+        if let Some((week, _)) = week {
+            let (heading, unit, week) =
+                (quoted(heading), quoted(&unit), quoted(self.heading(*week)));
+            let key = format!("time = {{ column = {heading}, unit = {unit}, week = {week} }}");
+            return Clock { key: Some(key), seconds, questions };
+        }
         Clock { key: (!own).then_some(key), seconds, questions }
     }
 
-    /// A time that is written as a date, or as a time of the day beside a date.
-    fn date(&self, k: usize, cell: &str) -> Result<Clock, String> {
+    /// A time that is written as a date, or as a time of the day, which may stand beside a date.
+    fn date(&self, k: usize, cell: &str) -> Clock {
         let heading = quoted(self.heading(k));
-        let key = if cell.contains(['-', '/']) {
-            format!("time = {{ column = {heading}, format = \"date-time\" }}")
-        } else if let Some((date, _)) = self.find("date") {
-            let date = quoted(self.heading(*date));
-            format!("time = {{ column = {heading}, date = {date} }}")
-        } else {
-            return Err(format!(
-                "the time {heading} has no date (its first value is {cell:?}), and no column is \
-                 named `date`"
-            ));
+        let cells = |k: usize| self.layout.rows.iter().filter_map(move |row| row.get(k));
+        let seconds = cells(k).map(|cell| second_of_day(cell)).collect();
+        let mut questions = Vec::new();
+        let mut order = |k: usize| match order(cells(k).map(String::as_str)) {
+            (order, true) => order,
+            (order, false) => {
+                questions.push(format!("the order of the dates in {} is a guess", self.heading(k)));
+                order
+            }
         };
-        let seconds = vec![f64::NAN; self.layout.rows.len()];
-        Ok(Clock { key: Some(key), seconds, questions: Vec::new() })
+        // a date has two separators before its time of the day
+        let first = cell.split([' ', 'T']).next().unwrap_or_default();
+        let dated = ['-', '/', '.'].iter().any(|c| first.matches(*c).count() == 2);
+        let key = if dated {
+            format!("time = {{ column = {heading}, format = \"date-time\"{} }}", order(k))
+        } else if let Some((date, _)) = self.find("date") {
+            let (order, date) = (order(*date), quoted(self.heading(*date)));
+            format!("time = {{ column = {heading}, date = {date}{order} }}")
+        } else {
+            questions.push(format!("the time {heading} has no date: it counts from midnight"));
+            format!("time = {{ column = {heading}, format = \"time-of-day\" }}")
+        };
+        Clock { key: Some(key), seconds, questions }
+    }
+}
+
+/// The seconds since midnight of a text with a time of the day; NaN for another one.
+fn second_of_day(cell: &str) -> f64 {
+    let time = cell.split([' ', 'T']).find(|part| part.contains(':')).unwrap_or_default();
+    let time = time.split(['Z', '+', '-']).next().unwrap_or_default();
+    let parts: Vec<f64> =
+        time.split(':').map(|p| p.replace(',', ".").parse().unwrap_or(f64::NAN)).collect();
+    match *parts.as_slice() {
+        [hour, minute, second] => (hour * 60.0 + minute) * 60.0 + second,
+        _ => f64::NAN,
+    }
+}
+
+/// The key for the order of dates, and `false` where the dates do not show it.
+fn order<'a>(cells: impl Iterator<Item = &'a str>) -> (&'static str, bool) {
+    let mut largest = [0_u32; 2];
+    let mut separator = None;
+    for cell in cells {
+        let mut parts = cell.splitn(3, ['-', '/', '.']);
+        separator = cell.find(['-', '/', '.']).and_then(|at| cell[at..].chars().next());
+        for largest in &mut largest {
+            *largest = (*largest).max(parts.next().and_then(|p| p.parse().ok()).unwrap_or(0));
+        }
+    }
+    match (largest, separator) {
+        ([first, _], _) if first > 31 => ("", true),
+        (_, Some('.')) => (", order = \"day-month-year\"", true),
+        ([first, _], _) if first > 12 => (", order = \"day-month-year\"", true),
+        ([_, second], _) if second > 12 => (", order = \"month-day-year\"", true),
+        _ => (", order = \"month-day-year\"", false),
     }
 }

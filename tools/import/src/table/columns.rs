@@ -15,6 +15,23 @@ pub(super) const DVEL: [&str; 3] = ["dvel_x", "dvel_y", "dvel_z"];
 const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
 const FIX: [&str; 9] =
     ["lat", "lon", "height", "vel_n", "vel_e", "vel_d", "h_acc", "v_acc", "s_acc"];
+const ECEF: [&str; 3] = ["x_ecef", "y_ecef", "z_ecef"];
+/// Headings that name an axis alone.
+const AXES: [[&str; 3]; 3] =
+    [["x", "y", "z"], ["forward", "right", "down"], ["forward", "left", "up"]];
+/// Headings of a column by which a row counts as valid, with its least value.
+const VALID: [(&str, f64); 10] = [
+    ("fix", 1.0),
+    ("fixtype", 2.0),
+    ("gnssfix", 2.0),
+    ("gpsfix", 2.0),
+    ("statusstatus", 0.0),
+    ("valid", 1.0),
+    ("isvalid", 1.0),
+    ("velocityvalid", 1.0),
+    ("numgoodbeams", 3.0),
+    ("gpsstatus", 3.0),
+];
 const POSE: [&str; 9] = ["lat", "lon", "height", "roll", "pitch", "yaw", "vel_n", "vel_e", "vel_d"];
 /// Share of rows that repeat the row before from which a sensor is slower than its table.
 const REPEATED: f64 = 0.5;
@@ -31,13 +48,15 @@ struct Chosen<'a> {
     unit: String,
     scale: f64,
     minutes: bool,
+    /// More keys.
+    more: String,
     /// Set if the source finds the column and its unit by itself.
     usual: bool,
 }
 
 impl<'a> Table<'a> {
-    /// The table; `questions` are about all of its sensors.
-    pub fn new(layout: &'a Layout, questions: Vec<String>) -> Self {
+    /// The table of a file with this name; `questions` are about all of its sensors.
+    pub fn new(layout: &'a Layout, name: &str, questions: Vec<String>) -> Self {
         let meant = |(k, heading): (usize, &String)| {
             let mut meaning = meaning(heading)?;
             if let Some(unit) = layout.units.get(k) {
@@ -47,7 +66,29 @@ impl<'a> Table<'a> {
             Some((k, meaning))
         };
         let columns = layout.headings.iter().enumerate().filter_map(meant).collect();
-        Self { layout, columns, questions }
+        let mut table = Self { layout, columns, questions };
+        table.name_axes(name);
+        table
+    }
+
+    /// Names columns whose headings are axes alone: after the file, such as `Gyroscope.csv`, or the
+    /// specific force beside angular rates.
+    fn name_axes(&mut self, name: &str) {
+        let headings = &self.layout.headings;
+        let place = |axis: &&str| headings.iter().position(|h| h.eq_ignore_ascii_case(axis));
+        let whole = |axes: &[&str; 3]| axes.iter().all(|axis| place(axis).is_some());
+        let Some(axes) = AXES.iter().find(|axes| whole(axes)) else { return };
+        let vector = if self.has(&GYRO) && !self.has(&ACCEL) { "accel" } else { name };
+        let found = axes.iter().filter_map(|axis| {
+            let unit = |k: usize| self.layout.units.get(k);
+            let (k, meaning) = (place(axis)?, meaning(&format!("{vector} {axis}"))?);
+            let si = vocabulary::si(meaning.channel);
+            Some((k, Meaning { unit: unit(k).and_then(|unit| fitting(unit, si)), ..meaning }))
+        });
+        let found: Vec<(usize, Meaning)> = found.collect();
+        if found.len() == 3 {
+            self.columns.extend(found);
+        }
     }
 
     /// The headings, for a message.
@@ -92,22 +133,29 @@ impl<'a> Table<'a> {
     pub fn sensors(&self) -> Result<Vec<Found>, String> {
         let inertial =
             (self.has(&GYRO) && self.has(&ACCEL)) || (self.has(&DTHETA) && self.has(&DVEL));
-        let clock = self.clock(if inertial { IMU_INTERVAL } else { AID_INTERVAL })?;
+        let half = !inertial && (self.has(&GYRO) || self.has(&ACCEL));
+        let clock = self.clock(if inertial || half { IMU_INTERVAL } else { AID_INTERVAL })?;
         let mut sensors = Vec::new();
         if inertial {
             sensors.push(self.imu(&clock)?);
+        } else if half {
+            sensors.push(self.half(&clock)?);
         }
-        let place = self.has(&["lat", "lon"]);
+        let place = self.has(&["lat", "lon"]) || self.has(&ECEF);
         if self.has(&BODY) && !place {
             sensors.push(self.other("dvl", &BODY));
         }
         if self.has(&["depth"]) {
             sensors.push(self.other("depth", &["depth"]));
+        } else {
+            sensors.extend(self.pressure());
         }
         if place && self.has(&["roll", "pitch", "yaw"]) && !inertial {
             sensors.push(self.other("reference", &POSE));
         } else if place {
             sensors.push(self.other("gnss", &FIX));
+        } else if self.has(&["roll", "pitch", "yaw"]) && !inertial {
+            sensors.push(self.other("attitude", &["roll", "pitch", "yaw"]));
         } else if self.has(&["yaw"]) && !self.has(&["roll"]) && !inertial {
             sensors.push(self.other("dual-antenna", &["heading"]));
         }
@@ -122,6 +170,7 @@ impl<'a> Table<'a> {
             source.extend(clock.key.clone());
             source.append(&mut found.source);
             found.source = source;
+            found.source.extend(self.valid(found.kind));
             if inertial && found.kind != "imu" && self.repeats(found.kind) {
                 found.source.push("changes_only = true".to_owned());
             }
@@ -131,16 +180,25 @@ impl<'a> Table<'a> {
         Ok(sensors)
     }
 
+    /// The key of the column by which a row of an aiding sensor counts as valid.
+    fn valid(&self, kind: &str) -> Option<String> {
+        let found = |(k, heading): (usize, &String)| {
+            let words = vocabulary::words(heading).concat();
+            // the status of NavSatFix follows the name of its message
+            let (_, least) = VALID.iter().find(|(name, _)| words.ends_with(name))?;
+            let values = self.layout.column(k);
+            let good = values.iter().any(|v| v >= least);
+            (good && kind != "imu")
+                .then(|| format!("valid = {{ column = {}, least = {least:?} }}", quoted(heading)))
+        };
+        self.layout.headings.iter().enumerate().find_map(found)
+    }
+
     /// The reason why no sensor is recognised.
     fn unknown(&self) -> String {
-        let half = match (self.has(&GYRO), self.has(&ACCEL)) {
-            (true, false) => "; it has angular rates, but no specific forces",
-            (false, true) => "; it has specific forces, but no angular rates",
-            _ => "",
-        };
         format!(
-            "no sensor is recognised by its columns {}{half}; rename them, such as gyro_x_radps, \
-             or map them with `columns` in a scenario",
+            "no sensor is recognised by its columns {}; rename them, such as gyro_x_radps, or map \
+             them with `columns` in a scenario",
             self.listed()
         )
     }
@@ -187,28 +245,49 @@ impl<'a> Table<'a> {
         let unit = unit.or(stated).unwrap_or(si);
         let usual = self.usual(*k, channel) && stated == Some(unit);
         let (heading, unit) = (self.heading(*k), unit.to_owned());
-        Chosen { heading, unit, scale: meaning.sign, minutes: false, usual }.key(channel)
+        let (scale, more) = (meaning.sign, String::new());
+        Chosen { heading, unit, scale, minutes: false, more, usual }.key(channel)
     }
 
     /// A sensor that is no inertial unit.
     fn other(&self, kind: &'static str, channels: &[&str]) -> Found {
         let (mut source, mut questions) = (Vec::new(), Vec::new());
-        let place = channels.contains(&"lat").then(|| self.place(&mut questions));
+        if channels.contains(&"lat") && !self.has(&["lat"]) {
+            source.extend(self.earth_fixed());
+        }
+        let angles = channels.contains(&"lat") && self.has(&["lat"]);
+        let place = angles.then(|| self.place(&mut questions));
         for channel in channels {
             let word = if *channel == "heading" { "yaw" } else { channel };
             let Some((k, meaning)) = self.find(word) else { continue };
             let (heading, usual) = (self.heading(*k), self.usual(*k, channel));
             let stated = meaning.unit.clone();
             match (&place, *channel) {
+                (Some(_), "lat" | "lon") if self.values(channel).iter().all(|v| v.is_nan()) => {
+                    source.push(format!(
+                        "columns.{channel} = {{ column = {}, unit = \"deg\", \
+                         notation = \"degrees-minutes-seconds\" }}",
+                        quoted(heading)
+                    ));
+                }
                 (Some((unit, scale, minutes)), "lat" | "lon") => {
                     let usual = usual && stated.as_deref() == Some(unit) && *scale == 1.0;
                     let scale = scale * self.hemisphere(*k);
                     let (unit, minutes) = (unit.clone(), *minutes);
-                    source.extend(Chosen { heading, unit, scale, minutes, usual }.key(channel));
+                    let more = String::new();
+                    let chosen = Chosen { heading, unit, scale, minutes, more, usual };
+                    source.extend(chosen.key(channel));
                 }
                 (Some((_, scale, _)), "height") if *scale != 1.0 && stated.is_none() => {
                     let (unit, scale, minutes) = ("mm".to_owned(), meaning.sign, false);
-                    source.extend(Chosen { heading, unit, scale, minutes, usual }.key(channel));
+                    let more = String::new();
+                    let chosen = Chosen { heading, unit, scale, minutes, more, usual };
+                    source.extend(chosen.key(channel));
+                }
+                (_, "vel_x" | "vel_y" | "vel_z") if stated.is_none() && kind == "dvl" => {
+                    let unit = units::speed(&self.vector(BODY));
+                    questions.push(format!("the unit of {heading}: {unit} by its size"));
+                    source.extend(self.key(word, channel, Some(unit), &mut questions));
                 }
                 (_, "roll" | "pitch" | "yaw" | "heading") if stated.is_none() => {
                     let unit = turned(&self.values(word));
@@ -218,8 +297,58 @@ impl<'a> Table<'a> {
                 _ => source.extend(self.key(word, channel, None, &mut questions)),
             }
         }
-        let velocity = self.has(&["vel_n", "vel_e"]);
+        let along = channels.contains(&"vel_n") && !self.has(&["vel_n"]);
+        let course = if along { self.course() } else { Vec::new() };
+        let velocity = self.has(&["vel_n", "vel_e"]) || !course.is_empty();
+        source.extend(course);
         Found { kind, sensor: Vec::new(), source, questions, velocity }
+    }
+
+    /// A depth by the pressure of water; `None` for a pressure of air, and without one.
+    fn pressure(&self) -> Option<Found> {
+        let (k, meaning) = self.find("pressure")?;
+        let (heading, values) = (self.heading(*k), self.layout.column(*k));
+        let (unit, absolute) = units::pressure(&values, meaning.unit.as_deref())?;
+        let atmosphere = if absolute { "" } else { ", atmosphere = \"0 Pa\"" };
+        let column = quoted(heading);
+        let key = format!("columns.depth = {{ column = {column}, unit = \"{unit}\"{atmosphere} }}");
+        let side = if absolute { "above vacuum, with 101325 Pa at" } else { "above the one at" };
+        let mut questions = vec![format!("the pressure {heading} counts {side} the surface")];
+        if meaning.unit.is_none() {
+            questions.push(format!("the unit of {heading}: {unit} by its size"));
+        }
+        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+    }
+
+    /// The keys of a position in Earth-fixed axes.
+    fn earth_fixed(&self) -> Vec<String> {
+        let [x, y, z] = ECEF.map(|channel| self.find(channel).map_or(0, |(k, _)| *k));
+        let key = |channel: &str| {
+            let heading = quoted(self.heading(x));
+            format!("columns.{channel} = {{ column = {heading}, notation = \"earth-fixed\" }}")
+        };
+        let beside = y == x + 1 && z == x + 2;
+        if beside { ["lat", "lon", "height"].map(key).to_vec() } else { Vec::new() }
+    }
+
+    /// The keys of a velocity that is a speed over ground with a course.
+    fn course(&self) -> Vec<String> {
+        let Some(((speed, meaning), (course, angle))) = self.find("speed").zip(self.find("course"))
+        else {
+            return Vec::new();
+        };
+        let degrees = angle.unit.as_deref().is_none_or(|unit| unit == "deg");
+        if !degrees || turned(&self.layout.column(*course)) != "deg" {
+            return Vec::new();
+        }
+        let (heading, unit) = (self.heading(*speed), meaning.unit.clone());
+        let more = format!(", course = {}", quoted(self.heading(*course)));
+        let key = |channel: &str| {
+            let unit = unit.clone().unwrap_or_else(|| "m/s".to_owned());
+            let more = more.clone();
+            Chosen { heading, unit, scale: 1.0, minutes: false, more, usual: false }.key(channel)
+        };
+        ["vel_n", "vel_e"].into_iter().filter_map(key).collect()
     }
 
     /// Unit and factor of latitude and longitude, and `true` for degrees with minutes.
@@ -275,6 +404,7 @@ impl Chosen<'_> {
         if self.minutes {
             text.push_str(", notation = \"degrees-minutes\"");
         }
+        text.push_str(&self.more);
         text.push_str(" }");
         Some(text)
     }

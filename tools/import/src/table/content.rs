@@ -22,6 +22,16 @@ fn counts(values: &[f64]) -> bool {
     values.windows(2).all(|v| v[1] - v[0] == 1.0)
 }
 
+/// Tests whether a column has the nanoseconds of the whole seconds in the column before it.
+fn wraps(columns: &[Vec<f64>], k: usize) -> bool {
+    let (seconds, nanos) = (&columns[k - 1], &columns[k]);
+    let whole =
+        seconds.iter().all(|t| t.fract() == 0.0) && nanos.iter().all(|n| (0.0..1e9).contains(n));
+    let pairs = || seconds.windows(2).zip(nanos.windows(2));
+    let goes_on = pairs().all(|(t, n)| t[1] > t[0] || (t[1] == t[0] && n[1] > n[0]));
+    whole && goes_on && pairs().any(|(t, n)| t[1] > t[0] && n[1] < n[0])
+}
+
 fn norms(columns: &[Vec<f64>], first: usize) -> Vec<f64> {
     let rows = units::rows([&columns[first], &columns[first + 1], &columns[first + 2]]);
     rows.iter().map(|v| v.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
@@ -51,13 +61,15 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
     let width = layout.width();
     let columns: Vec<Vec<f64>> = (0..width).map(|k| layout.column(k)).collect();
     let rising: Vec<usize> = (0..width).filter(|k| increases(&columns[*k])).collect();
-    let time = *rising.iter().find(|k| !counts(&columns[**k])).or(rising.first())?;
+    let nanos = rising.iter().find(|k| **k > 0 && wraps(&columns, **k));
+    let time =
+        *nanos.or_else(|| rising.iter().find(|k| !counts(&columns[**k]))).or(rising.first())?;
     let interval = units::time(&columns[time], units::IMU_INTERVAL)?;
     let seconds = units::factor(&interval.unit);
     let step = median(columns[time].windows(2).map(|v| (v[1] - v[0]) * seconds));
     let free = |first: usize| (first..first + 3).all(|k| k != time);
-    let moves =
-        |first: usize| (first..first + 3).all(|k| columns[k].windows(2).any(|v| v[0] != v[1]));
+    let change = |v: &[f64]| v[0] != v[1] && v[0].is_finite();
+    let moves = |first: usize| (first..first + 3).all(|k| columns[k].windows(2).any(change));
     let triples = || (0..width.saturating_sub(2)).filter(|k| free(*k) && moves(*k));
     let gravity = |first: usize| {
         let norms = norms(&columns, first);
@@ -68,7 +80,12 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         unit.map(|(_, increments)| increments)
     };
     let mut names: Vec<String> = (1..=width).map(|k| format!("column_{k}")).collect();
-    names[time] = "time".to_owned();
+    match nanos {
+        Some(_) => {
+            names[time - 1..=time].clone_from_slice(&["sec".to_owned(), "nanosec".to_owned()])
+        }
+        None => names[time] = "time".to_owned(),
+    }
     let mut name = |first: usize, channels: [&str; 3]| {
         for (k, channel) in channels.iter().enumerate() {
             names[first + k] = (*channel).to_owned();
@@ -82,7 +99,10 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
     let gyro = {
         let beside = [accel.checked_sub(3), Some(accel + 3)].into_iter().flatten();
         let fits = beside.filter(|k| k + 3 <= width && free(*k) && moves(*k));
-        fits.min_by(|a, b| lopsided(&columns, *a).total_cmp(&lopsided(&columns, *b)))?
+        let least =
+            |a: &usize, b: &usize| lopsided(&columns, *a).total_cmp(&lopsided(&columns, *b));
+        let others = || triples().filter(|k| k.abs_diff(accel) >= 3).min_by(least);
+        fits.min_by(least).or_else(others)?
     };
     name(accel, if increments { DVEL } else { ACCEL });
     name(gyro, if increments { DTHETA } else { GYRO });

@@ -34,6 +34,26 @@ impl Table<'_> {
         Ok(Found { kind: "imu", sensor, source, questions, velocity: false })
     }
 
+    /// The gyros or the accelerometers of an inertial unit whose other half is in another file.
+    ///
+    /// # Errors
+    /// When the specific forces hold no gravity in any unit, and their headings state none.
+    pub(super) fn half(&self, clock: &Clock) -> Result<Found, String> {
+        let interval = median(clock.seconds.windows(2).map(|t| t[1] - t[0]));
+        let mut questions = Vec::new();
+        let (kind, channels, unit) = if self.has(&ACCEL) {
+            let (unit, _) = self.forces(false, ACCEL, interval, &mut questions)?;
+            ("accels", ACCEL, unit)
+        } else {
+            ("gyros", GYRO, self.rates(GYRO, (clock, 1.0, false), &[], &mut questions))
+        };
+        let keys = channels
+            .iter()
+            .filter_map(|name| self.key(name, name, unit.as_deref(), &mut questions));
+        let source = keys.collect();
+        Ok(Found { kind, source, questions, ..Found::default() })
+    }
+
     /// The unit of the specific forces, and `true` for increments; no unit where each heading has
     /// its own.
     fn forces(

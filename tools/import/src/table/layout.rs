@@ -1,7 +1,7 @@
 //! The layout of a table: its separator, the lines before its rows, its headings and its rows.
 
+use super::vocabulary::expression;
 use navfuse_core::document::quoted;
-use navfuse_core::units::parse_unit;
 use std::collections::HashMap;
 
 /// Largest number of lines by which the layout is found.
@@ -30,13 +30,15 @@ pub struct Layout {
     /// Start of comments, if it is not `#`.
     comment: Option<char>,
     /// Lines at the beginning that are no part of the table.
-    skip: usize,
+    pub skip: usize,
     /// Set if the source must be given the headings.
     pub given: bool,
     /// Headings, empty for a table without.
     pub headings: Vec<String>,
     /// Units in a line of their own, by column.
     pub units: Vec<String>,
+    /// Cells that a row must have, by the index of their columns.
+    pub kind: Vec<(usize, String)>,
     /// Cells of the first rows.
     pub rows: Vec<Vec<String>>,
 }
@@ -51,9 +53,11 @@ fn uncommented(line: &str) -> Option<(char, &str)> {
 fn split(line: &str, delimiter: Option<char>) -> Vec<String> {
     let clean = |cell: &str| cell.trim().trim_matches('"').trim().to_owned();
     let Some(delimiter) = delimiter else { return line.split_whitespace().map(clean).collect() };
-    let mut quote = false;
+    // a quotation mark within a cell is a second of an arc
+    let (mut quote, mut begins) = (false, true);
     let outside = |c: char| {
-        quote ^= c == '"';
+        quote = if c == '"' { begins && !quote } else { quote };
+        begins = !quote && (c == delimiter || (begins && c == ' '));
         c == delimiter && !quote
     };
     line.trim_end_matches('\r').split(outside).map(clean).collect()
@@ -84,9 +88,25 @@ fn score(lines: &[&str], delimiter: Option<char>) -> (f64, usize) {
     best.map_or((0.0, 0), |(width, score)| (score, width))
 }
 
-fn is_unit(cell: &str) -> bool {
-    let bracketed = cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
-    bracketed || (cell.len() > 1 && parse_unit(cell).is_ok())
+/// Tests whether cells below headings are units: all that are not empty, and one with two letters.
+fn are_units(cells: &[String]) -> bool {
+    let bracketed = |cell: &str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
+    let unit = |cell: &String| cell.is_empty() || bracketed(cell) || expression(cell).is_some();
+    cells.iter().all(unit) && cells.iter().any(|cell| cell.len() > 1)
+}
+
+/// Headings of two lines: a group, which stands over its first column alone, and its members.
+fn grouped(groups: &[String], members: &[String]) -> Vec<String> {
+    let mut group = "";
+    let join = |(above, member): (&String, &String)| format!("{above} {member}").trim().to_owned();
+    let filled: Vec<String> = groups
+        .iter()
+        .map(|above| {
+            group = if above.is_empty() { group } else { above };
+            group.to_owned()
+        })
+        .collect();
+    filled.iter().zip(members).map(join).collect()
 }
 
 impl Layout {
@@ -145,9 +165,17 @@ impl Layout {
             .filter_map(|(k, line)| Some((k, cells(line)?)))
             .filter(|(_, cells)| cells.iter().all(|c| !is_number(c)));
         let mut last = titles.next_back();
-        if let Some((_, units)) = last.clone().filter(|(_, c)| c.iter().all(|c| is_unit(c))) {
+        if let Some(above) = titles.clone().next_back()
+            && let Some((_, units)) = last.clone().filter(|(_, cells)| are_units(cells))
+        {
             self.units = units;
-            last = titles.next_back();
+            titles.next_back();
+            last = Some(above);
+        }
+        if let Some((place, members)) = last.clone().filter(|(_, cells)| unique(cells) != *cells)
+            && let Some((_, groups)) = titles.next_back()
+        {
+            last = Some((place, grouped(&groups, &members)));
         }
         let blank = |line: &&&str| !line.trim().is_empty();
         let marks: Vec<Option<char>> =
@@ -200,6 +228,13 @@ impl Layout {
         if self.given {
             let list: Vec<String> = self.headings.iter().map(|h| quoted(h)).collect();
             keys.push(format!("headings = [{}]", list.join(", ")));
+        }
+        let cell = |(k, word): &(usize, String)| {
+            Some(format!("{} = {}", quoted(self.headings.get(*k)?), quoted(word)))
+        };
+        let cells: Vec<String> = self.kind.iter().filter_map(cell).collect();
+        if !cells.is_empty() {
+            keys.push(format!("rows = {{ {} }}", cells.join(", ")));
         }
         keys
     }

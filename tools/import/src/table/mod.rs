@@ -7,38 +7,33 @@ mod clock;
 mod columns;
 mod content;
 mod imu;
+mod kinds;
 mod layout;
+mod oxts;
 mod plain;
+mod rtklib;
 mod units;
 mod vocabulary;
 
 use crate::found::Found;
 use columns::Table;
 use layout::Layout;
-use navfuse_core::document::quoted;
+pub use oxts::oxts;
 
-/// The titles of RTKLIB with the headings of the channels. The deviation to the north stands for
-/// both horizontal ones; `vu` points up and is turned.
-const RTKLIB: [(&str, &str); 7] = [
-    ("latitude(deg)", "lat_deg"),
-    ("longitude(deg)", "lon_deg"),
-    ("height(m)", "height_m"),
-    ("sdn(m)", "h_acc_m"),
-    ("sdu(m)", "v_acc_m"),
-    ("vn(m/s)", "vel_n_mps"),
-    ("ve(m/s)", "vel_e_mps"),
-];
-
-/// The sensors of a table, by the beginning of its file.
+/// The sensors of a table, by the beginning of its file and the name of the file.
 ///
 /// # Errors
 /// With the reason why no sensor is recognised.
-pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
+pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     if beginning.trim().is_empty() {
         return Err("the file is empty".to_owned());
     }
-    if beginning.starts_with('%') && beginning.contains("latitude(deg)") {
-        return rtklib(beginning);
+    if let Some(found) = rtklib::solution(beginning) {
+        return Ok(vec![found]);
+    }
+    let several = kinds::sensors(beginning);
+    if !several.is_empty() {
+        return Ok(several);
     }
     let Some(mut layout) = Layout::of(beginning) else {
         return Err("it is no table: no line holds numbers that a comma, semicolon, tab, bar or \
@@ -58,43 +53,9 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
         };
         layout.headings = headings;
         layout.given = true;
-        return Table::new(&layout, vec![question]).sensors();
+        return Table::new(&layout, name, vec![question]).sensors();
     }
-    Table::new(&layout, Vec::new()).sensors()
-}
-
-/// A solution of RTKLIB with latitude and longitude in degrees and dates.
-fn rtklib(beginning: &str) -> Result<Vec<Found>, String> {
-    let comments = beginning.lines().take_while(|l| l.starts_with('%'));
-    let titles = comments.filter(|l| l.contains("latitude(deg)")).last();
-    let row = beginning.lines().find(|l| !l.starts_with('%')).unwrap_or("");
-    let cells: Vec<&str> = row.split_whitespace().collect();
-    let dated = cells.first().is_some_and(|c| c.contains('/'));
-    let titles = titles.map(|l| l.trim_start_matches('%').split_whitespace().collect::<Vec<_>>());
-    // one title, GPST or UTC, stands over date and time
-    let Some(titles) = titles.filter(|titles| dated && titles.len() + 1 == cells.len()) else {
-        return Err("it begins as a solution of RTKLIB, but has no latitude and longitude in \
-                    degrees, or no dates: set them in the options of RTKLIB"
-            .to_owned());
-    };
-    let scale = if titles[0] == "UTC" { "utc" } else { "gps" };
-    let heading = |title: &&str| {
-        let known = RTKLIB.iter().find(|(name, _)| name == title);
-        quoted(known.map_or(title, |(_, heading)| heading))
-    };
-    let headings: Vec<String> = titles[1..].iter().map(heading).collect();
-    let velocity = titles.contains(&"vn(m/s)");
-    let mut source = vec![
-        "delimiter = \"whitespace\"".to_owned(),
-        "comment = \"%\"".to_owned(),
-        format!("headings = [\"date\", \"time\", {}]", headings.join(", ")),
-        format!("time = {{ column = \"time\", date = \"date\", scale = \"{scale}\" }}"),
-    ];
-    if titles.contains(&"vu(m/s)") {
-        let column = "columns.vel_d = { column = \"vu(m/s)\", unit = \"m/s\", scale = -1 }";
-        source.push(column.to_owned());
-    }
-    Ok(vec![Found { kind: "gnss", source, velocity, ..Found::default() }])
+    Table::new(&layout, name, Vec::new()).sensors()
 }
 
 #[cfg(test)]
@@ -107,7 +68,7 @@ mod tests {
     fn a_unit_after_the_name_or_in_brackets_is_used_and_another_is_asked_for() {
         let table =
             "timestamp [ms];GX (deg/s);gy_dps;wz;acc_x [g];ay (furlong);az\n1;2;3;4;5;6;7\n";
-        let found = recognise(table).unwrap().remove(0);
+        let found = recognise(table, "").unwrap().remove(0);
         let keys = [
             "delimiter = \";\"",
             "time = { column = \"timestamp [ms]\", unit = \"ms\" }",
@@ -128,7 +89,7 @@ mod tests {
 
         #[test]
         fn any_text_is_recognised_or_not(text in "(time|t|wx|lat|vx|%|#|\\[|\\(|_|,|;| |\n|\"|é|1|-)*") {
-            if let Ok(found) = recognise(&text) {
+            if let Ok(found) = recognise(&text, "") {
                 prop_assert!(!found.is_empty());
             }
         }

@@ -61,17 +61,17 @@ mod tests {
             )
         };
         let imu: String = (0..40).map(row).collect();
-        let found = recognise(&imu).unwrap().remove(0);
+        let found = recognise(&imu, "").unwrap().remove(0);
         assert_eq!((found.kind, found.sensor[0].as_str()), ("imu", "output = \"increments\""));
         assert!(found.source.contains(&"delimiter = \"whitespace\"".to_owned()));
         let position =
             "91620.0 30.44 114.47 20.9 0.01 0.01 0.02\n91621.0 30.44 114.47 20.9 0.01 0.01 0.02\n";
-        assert_eq!(recognise(position).unwrap()[0].kind, "gnss");
+        assert_eq!(recognise(position, "").unwrap()[0].kind, "gnss");
         let solution = "2017 91620.0 30.44 114.47 20.9 0.1 0.2 0.0 1.5 -2.5 185.7\n\
                         2017 91620.1 30.44 114.47 20.9 0.1 0.2 0.0 1.5 -2.5 185.7\n";
-        assert_eq!(recognise(solution).unwrap()[0].kind, "reference");
-        assert!(recognise("1,2,3\n4,5,6\n").is_err());
-        assert!(recognise("91620.0 30.44 114.47 20.9 -1 0.01 0.02\n").is_err());
+        assert_eq!(recognise(solution, "").unwrap()[0].kind, "reference");
+        assert!(recognise("1,2,3\n4,5,6\n", "").is_err());
+        assert!(recognise("91620.0 30.44 114.47 20.9 -1 0.01 0.02\n", "").is_err());
     }
 
     #[test]
@@ -79,7 +79,7 @@ mod tests {
         let text = "timestamp\tstatus\taccelX\taccelY\taccelZ\tgyroX\tgyroY\tgyroZ\ttemperature\n\
                     (us)\t(na)\t(m.s^-2)\t(m.s^-2)\t(m.s^-2)\t(deg.s^-1)\t(deg.s^-1)\t(deg.s^-1)\t(degC)\n\
                     1000\t0\t0.1\t0.2\t-9.8\t1\t2\t3\t25\n";
-        let found = recognise(text).unwrap().remove(0);
+        let found = recognise(text, "").unwrap().remove(0);
         assert_eq!(found.kind, "imu");
         for line in [
             "delimiter = \"\\u0009\"",

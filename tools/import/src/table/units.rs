@@ -237,6 +237,39 @@ pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
     Some(decided(unit, why, if clear { Evidence::Weak } else { Evidence::None }))
 }
 
+/// Units of a pressure without a stated one, with the least number of each in water or air: a smaller
+/// number is a pressure above the one at the surface.
+const PRESSURES: [(&str, f64); 3] = [("Pa", 2e4), ("hPa", 500.0), ("kPa", 80.0)];
+/// Pressures of the air, Pa, and the range by which a pressure is one of water: 30 cm.
+const AIR: RangeInclusive<f64> = 5e4..=1.1e5;
+const WATER: f64 = 3e3;
+
+/// The unit of a pressure of water, and `true` if it counts from vacuum; `None` for one of air.
+pub fn pressure(values: &[f64], stated: Option<&str>) -> Option<(String, bool)> {
+    let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let (least, most) =
+        finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let by_size = || PRESSURES.iter().find(|(_, number)| least >= *number).map(|(unit, _)| *unit);
+    // a small number is a gauge pressure in decibar, metres of water
+    let unit = stated.or_else(by_size).unwrap_or("dbar");
+    let size = factor(unit);
+    let absolute = least * size > *AIR.start();
+    let wet = (most - least) * size > WATER || most * size > *AIR.end();
+    (wet || !absolute).then(|| (unit.to_owned(), absolute))
+}
+
+/// The unit of the velocities of a log by their size: none is faster than 12 m/s.
+pub fn speed(velocities: &[[f64; 3]]) -> &'static str {
+    let usual = |v: &&[f64; 3]| v.iter().all(|x| x.is_finite() && x.abs() < 32_000.0);
+    let mut sizes: Vec<f64> = velocities.iter().filter(usual).map(|v| norm(*v)).collect();
+    sizes.sort_by(f64::total_cmp);
+    match sizes.get(sizes.len() * 9 / 10) {
+        Some(fast) if *fast > 300.0 => "mm/s",
+        Some(fast) if *fast > 12.0 => "cm/s",
+        _ => "m/s",
+    }
+}
+
 /// The unit of latitudes and longitudes: a unit, a factor, and `true` for ddmm.mmmm.
 pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool) {
     let largest = |values: &[f64]| {

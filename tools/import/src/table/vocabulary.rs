@@ -1,5 +1,8 @@
 //! One vocabulary of headings: the words of many programs for the channels of sensors.
 
+mod lists;
+
+use lists::{AXES, BEHIND, FOLLOWING, NOISE, OTHERS, SCALARS, VECTORS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
 
 /// The quantity of a column.
@@ -15,226 +18,8 @@ pub struct Meaning {
     pub rank: usize,
 }
 
-/// Words that only say where a quantity comes from.
-const NOISE: [&str; 34] = [
-    "field",
-    "msg",
-    "header",
-    "imu",
-    "imu0",
-    "imu1",
-    "raw",
-    "data",
-    "value",
-    "body",
-    "b",
-    "sensor",
-    "sensors",
-    "calibrated",
-    "cal",
-    "uncal",
-    "uncomp",
-    "comp",
-    "compensated",
-    "filtered",
-    "measured",
-    "rs",
-    "s",
-    "axis",
-    "gps",
-    "gnss",
-    "ins",
-    "nav",
-    "rtk",
-    "llh",
-    "pos",
-    "ned",
-    "enu",
-    "antenna",
-];
-
-/// Words for a vector: its three channels and their SI unit.
-const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
-    (
-        ["gyro_x", "gyro_y", "gyro_z"],
-        "rad/s",
-        &[
-            "gyro",
-            "gyr",
-            "gyros",
-            "gyroscope",
-            "angularvelocity",
-            "angularrate",
-            "angvel",
-            "angrate",
-            "rotationrate",
-            "turnrate",
-            "bodyrate",
-            "omega",
-            "rate",
-            "rates",
-            "w",
-            "g",
-            "om",
-        ],
-    ),
-    (
-        ["accel_x", "accel_y", "accel_z"],
-        "m/s^2",
-        &[
-            "accel",
-            "acc",
-            "acce",
-            "accelerometer",
-            "acceleration",
-            "linearacceleration",
-            "linacc",
-            "specificforce",
-            "force",
-            "a",
-            "f",
-            "alpha",
-        ],
-    ),
-    (["dtheta_x", "dtheta_y", "dtheta_z"], "rad", &["dtheta", "deltatheta", "deltaangle", "dang"]),
-    (["dvel_x", "dvel_y", "dvel_z"], "m/s", &["dvel", "deltavelocity", "deltavel", "deltav", "dv"]),
-    (
-        ["vel_x", "vel_y", "vel_z"],
-        "m/s",
-        &["vel", "velocity", "v", "bottomvelocity", "dvl", "dvlvel"],
-    ),
-];
-
-/// Words for the axes of a vector, with the sign towards forward, right, down.
-const AXES: [(&str, usize, f64); 15] = [
-    ("x", 0, 1.0),
-    ("y", 1, 1.0),
-    ("z", 2, 1.0),
-    ("0", 0, 1.0),
-    ("1", 1, 1.0),
-    ("2", 2, 1.0),
-    ("forward", 0, 1.0),
-    ("fwd", 0, 1.0),
-    ("front", 0, 1.0),
-    ("right", 1, 1.0),
-    ("rgt", 1, 1.0),
-    ("left", 1, -1.0),
-    ("down", 2, 1.0),
-    ("dwn", 2, 1.0),
-    ("up", 2, -1.0),
-];
-
-/// Words for a number: its channel, its SI unit, and the sign.
-const SCALARS: [(&str, &str, f64, &[&str]); 21] = [
-    ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
-    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
-    ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
-    ("lat", "rad", 1.0, &["lat", "latitude"]),
-    ("lon", "rad", 1.0, &["lon", "lng", "long", "longitude"]),
-    (
-        "height",
-        "m",
-        1.0,
-        &[
-            "height",
-            "ellipsoidheight",
-            "heightellipsoid",
-            "altellipsoid",
-            "altitudeellipsoid",
-            "ellheight",
-            "hae",
-            "altitude",
-            "alt",
-            "hgt",
-            "h",
-            "heightmsl",
-            "altmsl",
-        ],
-    ),
-    (
-        "vel_n",
-        "m/s",
-        1.0,
-        &["veln", "vn", "velnorth", "vnorth", "velocitynorth", "northvelocity", "velocityn"],
-    ),
-    (
-        "vel_e",
-        "m/s",
-        1.0,
-        &["vele", "ve", "veleast", "veast", "velocityeast", "eastvelocity", "velocitye"],
-    ),
-    (
-        "vel_d",
-        "m/s",
-        1.0,
-        &["veld", "vd", "veldown", "vdown", "velocitydown", "downvelocity", "velocityd"],
-    ),
-    (
-        "vel_d",
-        "m/s",
-        -1.0,
-        &["velu", "vu", "velup", "vup", "velocityup", "upvelocity", "velocityu"],
-    ),
-    ("h_acc", "m", 1.0, &["hacc", "horizontalaccuracy", "eph", "accuracyh"]),
-    ("v_acc", "m", 1.0, &["vacc", "verticalaccuracy", "epv", "accuracyv"]),
-    ("s_acc", "m/s", 1.0, &["sacc", "speedaccuracy", "velocityaccuracy"]),
-    ("roll", "rad", 1.0, &["roll", "phi"]),
-    ("pitch", "rad", 1.0, &["pitch"]),
-    ("yaw", "rad", 1.0, &["yaw", "heading", "azimuth", "psi", "hdg"]),
-    ("depth", "m", 1.0, &["depth"]),
-    ("speed", "m/s", 1.0, &["speed", "wheelspeed", "odometerspeed"]),
-    (
-        "time",
-        "s",
-        1.0,
-        &[
-            "stamp",
-            "timestamp",
-            "time",
-            "t",
-            "times",
-            "sampletimefine",
-            "timeseconds",
-            "seconds",
-            "elapsed",
-            "elapsedtime",
-            "secondselapsed",
-            "timeelapsed",
-            "timeus",
-            "timestartup",
-            "timegps",
-            "gpstime",
-            "unixtime",
-            "epoch",
-            "epochtime",
-            "unixtimestamp",
-            "rosbagtimestamp",
-            "datetime",
-            "utc",
-            "utctime",
-            "timeutc",
-            "localtime",
-            "systemtime",
-            "hosttime",
-            "sow",
-            "tow",
-            "gpstow",
-            "timeofweek",
-            "secondsofweek",
-            "itow",
-            "sec",
-            "secs",
-            "millis",
-            "micros",
-            "timeboot",
-        ],
-    ),
-    ("date", "", 1.0, &["date"]),
-    ("week", "", 1.0, &["week", "gpsweek"]),
-];
-
 /// A heading in words: lower case, without separators.
-fn words(heading: &str) -> Vec<String> {
+pub fn words(heading: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
     for c in heading.chars() {
@@ -261,7 +46,7 @@ pub fn expression(text: &str) -> Option<String> {
         | "deg s-1" => Some("deg/s"),
         "rps" | "rad/sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => Some("rad/s"),
         "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
-        | "meter/s^2" => Some("m/s^2"),
+        | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
         "m s^-1" | "m.s^-1" | "m/sec" | "m s-1" | "mps" => Some("m/s"),
         "kph" | "kmh" => Some("km/h"),
         "knots" | "kts" | "kt" => Some("kn"),
@@ -272,6 +57,9 @@ pub fn expression(text: &str) -> Option<String> {
         "usec" | "microsecond" | "microseconds" | "μs" | "µs" => Some("us"),
         "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
         "meter" | "meters" | "metres" => Some("m"),
+        "kpa" => Some("kPa"),
+        "hpa" | "mbar" | "mbars" => Some("hPa"),
+        "ft" | "feet" | "foot" => Some("ft"),
         _ => None,
     };
     let valid = |text: &str| parse_unit(text).is_ok().then(|| text.to_owned());
@@ -326,7 +114,7 @@ fn channel(words: &[String]) -> Option<(&'static str, f64, usize)> {
                     .find_map(|(axis, stem)| vector(stem, axis))
             })
     };
-    number(&joined).or_else(|| number(&plain)).or_else(|| split(&joined)).or_else(|| split(&plain))
+    number(&plain).or_else(|| number(&joined)).or_else(|| split(&joined)).or_else(|| split(&plain))
 }
 
 /// The meaning of a heading.
@@ -342,7 +130,21 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
         Some((name, unit)) => (name, Some(unit)),
         None => (heading.to_owned(), None),
     };
-    let words = words(&name);
+    let mut words = words(&name);
+    words.dedup();
+    let mut behind = (1..words.len()).take_while(|k| !OTHERS.contains(&words[k - 1].as_str()));
+    read(&words, stated.as_deref()).or_else(|| {
+        behind.find_map(|k| {
+            let long = words[k..].concat().len() > 2;
+            let meaning = read(&words[k..], stated.as_deref()).filter(|_| long)?;
+            let follows = FOLLOWING.contains(&meaning.channel);
+            follows.then_some(Meaning { rank: meaning.rank + BEHIND * k, ..meaning })
+        })
+    })
+}
+
+/// The meaning of words with a unit in brackets, or with one at their end.
+fn read(words: &[String], stated: Option<&str>) -> Option<Meaning> {
     let found = |words: &[String], unit: Option<&str>| {
         let (channel, sign, rank) = channel(words)?;
         let unit = unit.and_then(|unit| fitting(unit, si(channel)));
@@ -358,8 +160,8 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
         known.then(|| found(&stem, Some(&unit)).filter(|m| m.unit.is_some())).flatten()
     });
     match stated {
-        Some(unit) => found(&words, Some(&unit)).or(ending),
-        None => ending.or_else(|| found(&words, None)),
+        Some(unit) => found(words, Some(unit)).or(ending),
+        None => ending.or_else(|| found(words, None)),
     }
 }
 

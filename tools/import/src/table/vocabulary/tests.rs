@@ -39,6 +39,15 @@ fn headings_of_many_programs_mean_a_channel_and_a_unit() {
         ("time_us", "time", Some("us"), 1.0),
         ("GPS Week", "week", None, 1.0),
         ("yaw rate [°/s]", "gyro_z", Some("deg/s"), 1.0),
+        ("IMU::UncompAccel::Accel_X", "accel_x", None, 1.0),
+        ("Inertial-3DM:scaledGyroZ", "gyro_z", None, 1.0),
+        ("Shimmer_5_Accel_LN_Y_CAL", "accel_y", None, 1.0),
+        ("AngleRateX (deg/s)", "gyro_x", Some("deg/s"), 1.0),
+        ("GNSS::PosLla::Latitude", "lat", None, 1.0),
+        ("H-Ell", "height", None, 1.0),
+        ("GCrs", "course", None, 1.0),
+        ("Velocity (m/s)", "speed", Some("m/s"), 1.0),
+        ("x-ecef(m)", "x_ecef", Some("m"), 1.0),
     ] {
         let m = meaning(heading).unwrap_or_else(|| panic!("{heading}"));
         let unit = unit.map(str::to_owned);
@@ -59,6 +68,11 @@ fn a_heading_that_resembles_a_channel_is_none() {
         "PacketCounter",
         "Mat[1][1]",
         "x",
+        "cmd_vel_x",
+        "target_latitude",
+        "std_lat",
+        "water_depth",
+        "sound_speed",
         "q0",
         "",
     ] {

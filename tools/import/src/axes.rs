@@ -1,0 +1,296 @@
+//! The axes of an instrument, found by its motion: gravity shows which axis points down, and the
+//! accelerations that another sensor measures show the turn about it.
+//!
+//! Over an interval, let `a` be the change of velocity along and across the course of the vehicle and
+//! `f` the integral of the specific force along two horizontal axes, both as complex numbers. Then
+//! `a = e^(i alpha) f + noise`, and the least squares estimate of the turn is
+//! `alpha = arg sum conj(f) a`.
+
+use crate::clocks::Inertial;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Cosine of the largest tilt of an axis that is called vertical: 30 deg.
+const VERTICAL: f64 = 0.866;
+/// Shortest and longest interval over which velocities are compared, s.
+const SHORTEST: f64 = 2.0;
+const LONGEST: f64 = 5.0;
+/// Speed, m/s, from which the course is the direction of the vehicle.
+const SLOWEST: f64 = 1.0;
+/// Least number of intervals, and least correlation.
+const LEAST: usize = 15;
+const CORRELATED: f64 = 0.5;
+/// Root mean square of the changes of velocity, m/s, from which a vehicle manoeuvres.
+const MANOEUVRE: f64 = 0.05;
+/// Largest 1-sigma, rad, of a turn that is determined: 4 deg.
+const DETERMINED: f64 = 0.07;
+/// Largest distance, rad, from a quarter turn that is one: 20 deg.
+const QUARTER: f64 = 0.35;
+
+/// The turn about the vertical by which two vectors differ, rad, with its 1-sigma.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turn {
+    /// The angle, rad, positive from x to y.
+    pub angle: f64,
+    /// Its 1-sigma, rad.
+    pub sigma: f64,
+}
+
+/// A signed axis of an instrument: its index, and its sign.
+type Axis = (usize, f64);
+
+/// The axis that points down, by the mean of the specific force.
+fn down(force: [f64; 3]) -> Option<Axis> {
+    let norm = force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let k = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
+    (force[k].abs() > VERTICAL * norm).then(|| (k, -force[k].signum()))
+}
+
+/// Two horizontal axes that form a right-handed set with the axis that points down. The first is x
+/// where it is horizontal, as most instruments are mounted.
+fn horizontal((k, sign): Axis) -> [Axis; 2] {
+    let [first, second] = [(k + 1) % 3, (k + 2) % 3];
+    match k {
+        // z x x = y
+        2 => [(0, 1.0), (1, sign)],
+        // x first: down = y, and y x x = -z
+        1 => [(0, 1.0), (2, -sign)],
+        _ => [(first, 1.0), (second, sign)],
+    }
+}
+
+fn name((k, sign): Axis) -> String {
+    format!("{}{}", if sign < 0.0 { "-" } else { "" }, ["x", "y", "z"][k])
+}
+
+/// The axes forward, right, down of an instrument with this mean specific force, turned by some
+/// quarters; `None` if no axis is vertical.
+pub fn named(force: [f64; 3], quarters: i32) -> Option<[String; 3]> {
+    let down = down(force)?;
+    let [x, y] = horizontal(down);
+    let minus = |(k, sign): Axis| (k, -sign);
+    let [forward, right] = match quarters.rem_euclid(4) {
+        0 => [x, y],
+        1 => [minus(y), x],
+        2 => [minus(x), minus(y)],
+        _ => [y, minus(x)],
+    };
+    Some([name(forward), name(right), name(down)])
+}
+
+/// An axis after another turn: `-x` after `["y", "-x", "z"]` is `-y`.
+pub fn composed(before: &[String; 3], axis: &str) -> String {
+    let found = ["x", "y", "z"].iter().position(|name| axis.ends_with(name));
+    let name = found.map_or(axis, |k| before[k].as_str());
+    match (axis.starts_with('-'), name.strip_prefix('-')) {
+        (true, Some(positive)) => positive.to_owned(),
+        (true, None) => format!("-{name}"),
+        (false, _) => name.to_owned(),
+    }
+}
+
+/// The number of quarter turns that a turn is, if it is near one and determined.
+pub fn quarters(turn: Turn) -> Option<i32> {
+    let quarters = (turn.angle / FRAC_PI_2).round();
+    let near = (turn.angle - quarters * FRAC_PI_2).abs() < QUARTER;
+    (near && 5.0 * turn.sigma < 0.5 * FRAC_PI_2).then_some(quarters as i32)
+}
+
+/// Sums for the turn from `f` to `a`.
+#[derive(Default)]
+struct Sums {
+    count: usize,
+    product: [f64; 2],
+    squares: [f64; 2],
+}
+
+impl Sums {
+    fn add(&mut self, f: [f64; 2], a: [f64; 2]) {
+        self.count += 1;
+        self.product[0] += f[0] * a[0] + f[1] * a[1];
+        self.product[1] += f[0] * a[1] - f[1] * a[0];
+        self.squares[0] += f[0] * f[0] + f[1] * f[1];
+        self.squares[1] += a[0] * a[0] + a[1] * a[1];
+    }
+
+    fn turn(&self) -> Option<Turn> {
+        let [re, im] = self.product;
+        let correlation = re.hypot(im) / (self.squares[0] * self.squares[1]).sqrt();
+        let rest = (1.0 - correlation * correlation).max(0.0);
+        // the noise of one interval turns the sum by this angle; the pairs overlap by no more than two
+        let sigma = (rest / self.count as f64).sqrt() / correlation;
+        let least = self.squares.iter().copied().fold(f64::INFINITY, f64::min);
+        let moves = least > MANOEUVRE * MANOEUVRE * self.count as f64;
+        let found = self.count >= LEAST && correlation > CORRELATED && moves && sigma < DETERMINED;
+        found.then(|| Turn { angle: im.atan2(re), sigma })
+    }
+}
+
+/// The pairs of rows that are some time apart.
+fn pairs<const N: usize>(rows: &[[f64; N]]) -> impl Iterator<Item = [&[f64; N]; 2]> {
+    let mut end = 0;
+    let mut begin = 0;
+    std::iter::from_fn(move || {
+        let first = rows.get(begin)?;
+        end = end.max(begin);
+        while rows.get(end)?[0] - first[0] < SHORTEST {
+            end += 1;
+        }
+        begin = end;
+        Some([first, rows.get(end)?])
+    })
+    .filter(|[a, b]| b[0] - a[0] <= LONGEST)
+}
+
+/// The integral of the specific force over an interval along the two horizontal axes, and the angle
+/// about the vertical.
+fn inertial(imu: &Inertial, from: f64, to: f64, axis: Axis) -> Option<([f64; 2], f64)> {
+    let (a, b) = (imu.at(from)?, imu.at(to)?);
+    let [x, y] = horizontal(axis);
+    let along = |(k, sign): Axis| sign * (b[3 + k] - a[3 + k]);
+    let (k, sign) = axis;
+    Some(([along(x), along(y)], sign * (b[k] - a[k])))
+}
+
+/// The turn of an inertial unit with this mean specific force against the course of a vehicle, whose
+/// rows have time, velocity north and velocity east.
+pub fn against_course(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<Turn> {
+    let axis = down(force)?;
+    let mut sums = Sums::default();
+    for [a, b] in pairs(rows) {
+        let [before, after] = [a, b].map(|row| row[1].hypot(row[2]));
+        let Some((f, _)) = inertial(imu, a[0], b[0], axis) else { continue };
+        if before > SLOWEST && after > SLOWEST {
+            let [from, to] = [a, b].map(|row| row[2].atan2(row[1]));
+            let turned = (to - from + PI).rem_euclid(TAU) - PI;
+            sums.add(f, [after - before, 0.5 * (before + after) * turned]);
+        }
+    }
+    sums.turn()
+}
+
+/// The turn from the axes of a velocity log, whose rows have time and velocity forward, right and
+/// down, to the axes of an inertial unit.
+pub fn of_log(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> Option<Turn> {
+    let axis = down(force)?;
+    let mut sums = Sums::default();
+    for [a, b] in pairs(rows) {
+        let Some((f, turned)) = inertial(imu, a[0], b[0], axis) else { continue };
+        let [x, y] = [1, 2].map(|k| 0.5 * (a[k] + b[k]));
+        // in axes that turn: f = dv/dt + w x v
+        let change = [b[1] - a[1] - turned * y, b[2] - a[2] + turned * x];
+        sums.add(change, f);
+    }
+    sums.turn()
+}
+
+/// The correlation of the third velocity of a log with the rate of a depth, whose rows have time and
+/// depth: near -1 for a log whose third axis points up.
+pub fn sinks(log: &[[f64; 4]], depth: &[[f64; 2]]) -> Option<f64> {
+    let (mut count, mut sums) = (0, [0.0; 3]);
+    for [a, b] in pairs(depth) {
+        let from = log.partition_point(|row| row[0] < a[0]);
+        let to = log.partition_point(|row| row[0] <= b[0]);
+        let Some(rows) = log.get(from..to).filter(|rows| !rows.is_empty()) else { continue };
+        let mean = rows.iter().map(|row| row[3]).sum::<f64>() / rows.len() as f64;
+        let rate = (b[1] - a[1]) / (b[0] - a[0]);
+        count += 1;
+        sums = [sums[0] + mean * rate, sums[1] + mean * mean, sums[2] + rate * rate];
+    }
+    let [product, own, other] = sums;
+    (count >= LEAST && own > 0.0 && other > 0.0).then(|| product / (own * other).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// An instrument's vector of one along forward, right and down of a vehicle.
+    fn turned(axes: &[String; 3], vehicle: [f64; 3]) -> [f64; 3] {
+        let mut out = [0.0; 3];
+        for (axis, value) in axes.iter().zip(vehicle) {
+            let k = ["x", "y", "z"].iter().position(|n| axis.ends_with(n)).unwrap();
+            out[k] = if axis.starts_with('-') { -value } else { value };
+        }
+        out
+    }
+
+    /// A vehicle that speeds up, slows down and turns; its speed, turn and acceleration.
+    fn motion(t: f64) -> [f64; 3] {
+        [8.0 + 3.0 * (0.3 * t).sin(), 0.2 * (0.17 * t).sin(), 0.9 * (0.3 * t).cos()]
+    }
+
+    /// The 24 right-handed sets of axes, each with gravity on the axis that points down.
+    #[test]
+    fn every_turn_of_an_inertial_unit_is_found() {
+        let mut found = std::collections::BTreeSet::new();
+        for (k, sign) in (0..6).map(|k| (k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })) {
+            let mut force = [0.0; 3];
+            force[k] = -9.81 * sign;
+            for quarter in 0..4 {
+                let axes = named(force, quarter).unwrap();
+                let (mut imu, mut rows, mut course) = (Inertial::default(), Vec::new(), 0.0_f64);
+                for step in 1..6000 {
+                    let t = 0.01 * f64::from(step);
+                    let [speed, turn, acceleration] = motion(t);
+                    course += 0.01 * turn;
+                    let rate = turned(&axes, [0.0, 0.0, turn]);
+                    let force = turned(&axes, [acceleration, speed * turn, -9.81]);
+                    imu.add(t, 0.01, rate, force);
+                    if step % 20 == 0 {
+                        rows.push([t, speed * course.cos(), speed * course.sin()]);
+                    }
+                }
+                let turn = against_course(&imu, force, &rows).unwrap();
+                let quarters = quarters(turn).unwrap();
+                assert_eq!(named(force, quarters).unwrap(), axes, "{turn:?}");
+                found.insert(axes);
+            }
+        }
+        assert_eq!(found.len(), 24);
+    }
+
+    #[test]
+    fn the_mounting_of_a_velocity_log_is_found_at_any_angle() {
+        for angle in [0.0, 0.3, 2.356, -1.9, 3.1] {
+            let (mut imu, mut rows) = (Inertial::default(), Vec::new());
+            for step in 1..9000 {
+                let t = 0.01 * f64::from(step);
+                let [speed, turn, acceleration] = motion(t);
+                imu.add(t, 0.01, [0.0, 0.0, turn], [acceleration, speed * turn, -9.81]);
+                let (sin, cos) = f64::sin_cos(angle);
+                // the body sees the log turned by the angle
+                if step % 20 == 0 {
+                    rows.push([t, speed * cos, -speed * sin, 0.0]);
+                }
+            }
+            let turn = of_log(&imu, [0.0, 0.0, -9.81], &rows).unwrap();
+            assert!((turn.angle - angle).abs() < 4.0 * turn.sigma + 0.02, "{angle}: {turn:?}");
+        }
+    }
+
+    #[test]
+    fn a_log_whose_third_axis_points_up_sinks_against_the_depth() {
+        let rate = |t: f64| 0.3 * (0.1 * t).sin();
+        let log = |sign: f64| -> Vec<[f64; 4]> {
+            let row = |k| 0.2 * f64::from(k);
+            (0..500).map(|k| [row(k), 1.0, 0.0, sign * rate(row(k))]).collect()
+        };
+        let depth: Vec<[f64; 2]> =
+            (0..90).map(f64::from).map(|t| [t, 20.0 - 3.0 * (0.1 * t).cos()]).collect();
+        assert!(sinks(&log(1.0), &depth).unwrap() > 0.99);
+        assert!(sinks(&log(-1.0), &depth).unwrap() < -0.99);
+        assert_eq!(sinks(&log(1.0), &depth[..5]), None);
+    }
+
+    #[test]
+    fn a_vehicle_at_rest_shows_no_turn_and_a_tilted_unit_no_axis() {
+        let mut imu = Inertial::default();
+        (1..3000).for_each(|k| imu.add(0.01 * f64::from(k), 0.01, [0.0; 3], [0.0, 0.0, -9.81]));
+        let rows: Vec<[f64; 3]> = (0..100).map(|k| [0.2 * f64::from(k), 0.0, 0.0]).collect();
+        assert_eq!(against_course(&imu, [0.0, 0.0, -9.81], &rows), None);
+        assert_eq!(named([5.0, 5.0, -6.0], 0), None);
+        let before = ["y", "-x", "z"].map(str::to_owned);
+        assert_eq!(["-x", "-y", "z"].map(|axis| composed(&before, axis)), ["-y", "x", "z"]);
+    }
+}

@@ -1,0 +1,328 @@
+//! What the samples of a recording show: axes, units, clocks and mountings, which the scenario corrects.
+
+use crate::axes::{self, Turn};
+use crate::recording::{Part, Reader, Recording};
+use crate::stream::StreamSurvey;
+
+/// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
+const FAST: f64 = 0.5;
+const STILL: f64 = 0.005;
+/// Ratio of rates in deg/s to the changes of the attitude in rad/s: 57, or less by the noise of the
+/// changes.
+const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
+/// Yaw of a velocity log, rad, from which it is no error of the mounting: 3 deg.
+const MOUNTED: f64 = 0.052;
+/// Noise of rates, deg/h/sqrt(Hz), beyond any instrument: 1 deg/s/sqrt(Hz), ten times that of a phone on
+/// a rough road.
+const NOISY: f64 = 3600.0;
+/// Correlation of a velocity with the rate of the depth by which it is positive upwards.
+const UPWARDS: f64 = -0.6;
+/// Mean depth, m, from which it is a height.
+const ABOVE: f64 = -0.3;
+/// Time before which a clock is not that of Unix, s: ten years after 1970.
+const COUNTS: f64 = 315_576_000.0;
+/// Sensors whose clock is not shifted: they are what the others are compared with.
+const FIXED: [&str; 5] = ["imu", "ahrs", "reference", "odometry", "attitude"];
+/// Sensors that drive the filter.
+const DRIVING: [&str; 2] = ["imu", "ahrs"];
+
+/// The conversion of the samples of a sensor, as the key `samples` has it, and its mounting.
+#[derive(Clone, Debug, Default)]
+pub struct Samples {
+    /// The axes forward, right, down.
+    axes: Option<[String; 3]>,
+    /// Set if rates are in deg/s.
+    degrees: bool,
+    /// Set if a depth counts upwards.
+    upwards: bool,
+    /// Shift of the stamps, s.
+    pub clock: Option<f64>,
+    /// Yaw of a velocity log in the vehicle.
+    pub mounting: Option<Turn>,
+}
+
+impl Samples {
+    /// Turns the axes, after what has turned them already.
+    fn turn(&mut self, axes: [String; 3]) {
+        self.axes = Some(match self.axes.take() {
+            Some(before) => axes.map(|axis| axes::composed(&before, &axis)),
+            None => axes,
+        });
+    }
+
+    /// The line of the scenario; `None` for samples that need no conversion.
+    pub fn line(&self) -> Option<String> {
+        let axes =
+            self.axes.as_ref().map(|[x, y, z]| format!("axes = [\"{x}\", \"{y}\", \"{z}\"]"));
+        let factor = self.degrees.then(|| {
+            let unit = 1_f64.to_radians();
+            format!("factor = {{ gyro_x = {unit}, gyro_y = {unit}, gyro_z = {unit} }}")
+        });
+        let depth = self.upwards.then(|| "factor = { depth = -1 }".to_owned());
+        let clock = self.clock.map(|clock| format!("clock = \"{clock:.3} s\""));
+        let keys: Vec<String> = [axes, factor, depth, clock].into_iter().flatten().collect();
+        (!keys.is_empty()).then(|| format!("samples = {{ {} }}", keys.join(", ")))
+    }
+}
+
+fn find<'a>(streams: &'a [StreamSurvey], name: &str) -> Option<&'a StreamSurvey> {
+    streams.iter().find(|s| s.sensor == name)
+}
+
+impl Recording {
+    /// Changes the description by what the samples show; `true` if it changed.
+    pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
+        let turned = self.level(streams) | self.scale_rates(streams) | self.date(streams);
+        // the attitude is along the axes of the IMU, and a sensor without samples shows nothing
+        let changed = turned || self.leave_rates(streams) || self.take_attitude(streams);
+        let changed = self.drop_empty(streams) || changed;
+        // clocks and mountings are compared in the right axes, and axes on the right clock
+        changed
+            || self.turn_depth(streams)
+            || self.turn_log(streams)
+            || self.shift(streams)
+            || self.turn(streams)
+            || self.mount(streams)
+    }
+
+    fn part_mut(&mut self, name: &str) -> Option<&mut Part> {
+        self.parts.iter_mut().find(|part| part.name == name)
+    }
+
+    /// Scales the rates of a bag's IMU that are in degrees: they exceed the changes of the
+    /// vehicle's own roll and pitch by far.
+    fn scale_rates(&mut self, streams: &[StreamSurvey]) -> bool {
+        let Some((imu, own)) = find(streams, "imu").zip(find(streams, "attitude")) else {
+            return false;
+        };
+        let fits = |(gyro, angle): (&str, &str)| {
+            let Some((k, a)) = imu.channel(gyro).zip(own.channel(angle)) else { return false };
+            let rate = imu.mean[k].hypot(imu.wander[k]).hypot(imu.noise[k]);
+            let turn = std::f64::consts::SQRT_2 * own.noise[a] / own.interval.max(1e-9);
+            rate > FAST && turn > STILL && DEGREES.contains(&(rate / turn))
+        };
+        let fast = [("gyro_x", "roll"), ("gyro_y", "pitch")].map(fits).iter().all(|f| *f);
+        let Some(part) = self.part_mut("imu").filter(|p| p.reader == Reader::Bag) else {
+            return false;
+        };
+        if !fast || std::mem::replace(&mut part.samples.degrees, true) {
+            return false;
+        }
+        let text =
+            "the vehicle's own attitude turns as if the rates were in deg/s: they are scaled";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("imu: {text}"));
+        true
+    }
+
+    /// Leaves out an IMU whose rates are noise beyond any instrument, where an attitude is known.
+    fn leave_rates(&mut self, streams: &[StreamSurvey]) -> bool {
+        let noisy =
+            find(streams, "imu").is_some_and(|imu| imu.samples > 0 && imu.densities()[0] > NOISY);
+        let known = find(streams, "attitude").is_some_and(|own| own.samples > 0);
+        if !noisy || !known || !self.drive_by_attitude() {
+            return false;
+        }
+        let text = "the rates of the IMU are noise: the attitude of the vehicle's own filter drives \
+                    dead reckoning";
+        self.notes.push(format!("ahrs: {text}"));
+        true
+    }
+
+    /// Leaves out sensors of which no file has a valid sample.
+    fn drop_empty(&mut self, streams: &[StreamSurvey]) -> bool {
+        let silent = |name: &str| streams.iter().any(|s| s.sensor == name && s.samples == 0);
+        let (empty, parts) = std::mem::take(&mut self.parts)
+            .into_iter()
+            .partition::<Vec<Part>, _>(|part| !DRIVING.contains(&part.name) && silent(part.name));
+        self.parts = parts;
+        let note = |part: &Part| {
+            format!("{}: {} has no valid sample for it: left out", part.name, part.file.display())
+        };
+        self.notes.extend(empty.iter().filter(|p| p.name != "attitude").map(note));
+        !empty.is_empty()
+    }
+
+    /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.
+    fn take_attitude(&mut self, streams: &[StreamSurvey]) -> bool {
+        let Some(k) = self.parts.iter().position(|part| part.name == "attitude") else {
+            return false;
+        };
+        self.parts.remove(k);
+        self.attitude = find(streams, "attitude").and_then(|s| {
+            let angle = |name| s.first.get(s.channel(name)?);
+            Some([angle("roll")?, angle("pitch")?, angle("yaw")?])
+        });
+        true
+    }
+
+    /// Gives dated pings an origin beside an IMU whose clock counts from elsewhere.
+    fn date(&mut self, streams: &[StreamSurvey]) -> bool {
+        let dated = self.parts.iter().find_map(|p| match p.reader {
+            Reader::Dvl(stamp) => stamp,
+            _ => None,
+        });
+        let drive = DRIVING.iter().find_map(|name| find(streams, name));
+        let counts = drive.is_some_and(|drive| drive.span[0].seconds() < COUNTS);
+        if dated.is_none() || !counts || self.origin.is_some() {
+            return false;
+        }
+        self.origin = dated;
+        true
+    }
+
+    /// Turns an IMU so that its third axis points down, by the mean of the specific force.
+    fn level(&mut self, streams: &[StreamSurvey]) -> bool {
+        let Some(imu) = find(streams, "imu") else { return false };
+        if imu.samples == 0 || std::mem::replace(&mut self.turned[0], true) {
+            return false;
+        }
+        let first = imu.channel("accel_x").or_else(|| imu.channel("dvel_x"));
+        let Some(k) = first else { return false };
+        let force = [imu.mean[k], imu.mean[k + 1], imu.mean[k + 2]];
+        let Some(axes) = axes::named(force, 0) else {
+            self.ask(
+                "no axis of the IMU is near the vertical by the mean of the specific force: \
+                      which of them point forward, right, down? Set sensor.imu.samples.axes",
+            );
+            return false;
+        };
+        let bag = |p: &Part| matches!(p.name, "imu" | "attitude") && p.reader == Reader::Bag;
+        let up = axes[2] == "-z";
+        if axes[2] == "z" {
+            return false;
+        }
+        if up && self.parts.iter().any(|p| p.name == "imu" && bag(p)) {
+            // the source has turned the axes of ROS, which these were not
+            let turned = self.parts.iter_mut().filter(|p| bag(p));
+            turned.for_each(|part| part.found.source.push("axes = \"frd\"".to_owned()));
+            let text = "its axes are forward, right, down already, and not the axes of ROS";
+            self.notes.push(format!("imu: {text}"));
+            self.ask(&format!("by the mean of accel_z, {text}"));
+            return true;
+        }
+        if up {
+            self.notes
+                .push("imu: its z axis points up; y and z are turned to right and down".into());
+            self.ask(
+                "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
+                      assumed, and y and z are turned",
+            );
+        } else {
+            let text =
+                format!("its axis {} points down, by the mean of the specific force", axes[2]);
+            self.notes.push(format!("imu: {text}"));
+            self.ask(&format!("{text}; {} is taken for forward", axes[0]));
+        }
+        self.set_axes(axes);
+        true
+    }
+
+    /// Turns the IMU about the vertical by the course of a receiver. A velocity log shows the axes of
+    /// its own, and a vehicle with one may move sideways.
+    fn turn(&mut self, streams: &[StreamSurvey]) -> bool {
+        let turn = find(streams, "gnss").and_then(|s| s.turn);
+        let Some(quarters) = turn.and_then(axes::quarters) else { return false };
+        let sideways = ["dvl", "compass"].iter().any(|name| self.part(name).is_some());
+        if quarters == 0 || sideways || std::mem::replace(&mut self.turned[1], true) {
+            return false;
+        }
+        let Some(relative) = axes::named([0.0, 0.0, -1.0], quarters) else { return false };
+        let text = format!(
+            "the course of the receiver fits its accelerations after a turn by {} deg about down",
+            90 * quarters
+        );
+        self.notes.push(format!("imu: {text}"));
+        self.ask(&text);
+        self.set_axes(relative);
+        true
+    }
+
+    fn ask(&mut self, question: &str) {
+        if let Some(part) = self.part_mut("imu") {
+            part.found.questions.push(question.to_owned());
+        }
+    }
+
+    /// Turns the IMU, after what has turned it already.
+    fn set_axes(&mut self, axes: [String; 3]) {
+        if let Some(part) = self.part_mut("imu") {
+            part.samples.turn(axes);
+        }
+    }
+
+    /// Shifts the clocks whose offset from that of the IMU the motion shows.
+    fn shift(&mut self, streams: &[StreamSurvey]) -> bool {
+        let mut shifted = false;
+        for part in self.parts.iter_mut().filter(|part| !FIXED.contains(&part.name)) {
+            let clock = find(streams, part.name).and_then(|s| s.clock).filter(|c| c.matters());
+            let Some(clock) = clock.filter(|_| part.samples.clock.is_none()) else { continue };
+            part.samples.clock = Some(clock.correction());
+            self.notes.push(format!("{}: {}: its stamps are shifted", part.name, clock.describe()));
+            shifted = true;
+        }
+        shifted
+    }
+
+    /// Turns a velocity log whose third velocity is positive upwards, by the depth.
+    fn turn_log(&mut self, streams: &[StreamSurvey]) -> bool {
+        let up = find(streams, "dvl").and_then(|s| s.sinks).is_some_and(|sinks| sinks < UPWARDS);
+        let Some(part) = self.part_mut("dvl").filter(|p| up && p.samples.axes.is_none()) else {
+            return false;
+        };
+        part.samples.axes = Some(["x", "-y", "-z"].map(str::to_owned));
+        let text = "its third velocity is positive upwards, by the depth: forward, left, up is assumed, \
+                    and y and z are turned";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("dvl: {text}"));
+        true
+    }
+
+    /// Turns a depth that is below zero on average, and no pressure at a height above the sea.
+    fn turn_depth(&mut self, streams: &[StreamSurvey]) -> bool {
+        let above = find(streams, "depth").is_some_and(|s| s.samples > 0 && s.mean[0] < ABOVE);
+        let Some(part) = self.part_mut("depth").filter(|part| above && !part.samples.upwards)
+        else {
+            return false;
+        };
+        if part.found.source.iter().any(|key| key.contains("press")) {
+            return false;
+        }
+        part.samples.upwards = true;
+        let text = "it is below zero on average, as a height is: its sign is turned";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("depth: {text}"));
+        true
+    }
+
+    /// Notes the mounting of a velocity log whose yaw is no error of a mounting.
+    fn mount(&mut self, streams: &[StreamSurvey]) -> bool {
+        let turn = find(streams, "dvl").and_then(|s| s.turn);
+        let large = |t: &Turn| t.angle.abs() > MOUNTED.max(5.0 * t.sigma);
+        let Some(turn) = turn.filter(large) else { return false };
+        if std::mem::replace(&mut self.mounted, true) {
+            return false;
+        }
+        let Some(part) = self.part_mut("dvl") else { return false };
+        let quarters = axes::quarters(turn).filter(|quarters| *quarters != 0);
+        let quarters = quarters.filter(|quarters| {
+            let rest = turn.angle - f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
+            rest.abs() < MOUNTED.max(3.0 * turn.sigma)
+        });
+        match quarters.and_then(|quarters| axes::named([0.0, 0.0, -1.0], quarters)) {
+            Some(relative) => {
+                part.samples.turn(relative);
+            }
+            None => part.samples.mounting = Some(turn),
+        }
+        let text = format!(
+            "its axes are turned by {:.1} deg about down against the IMU, sigma {:.1} deg, by the \
+             accelerations that both measure",
+            turn.angle.to_degrees(),
+            turn.sigma.to_degrees()
+        );
+        part.found.questions.push(text.clone());
+        self.notes.push(format!("dvl: {text}"));
+        true
+    }
+}
