@@ -206,6 +206,7 @@ impl<'a> Table<'a> {
     /// Tests whether most rows repeat the measurement of the row before.
     fn repeats(&self, kind: &str) -> bool {
         let channels: &[&str] = match kind {
+            "gnss" if !self.has(&["lat", "lon"]) => &ECEF,
             "gnss" | "reference" => &["lat", "lon"],
             "dvl" => &BODY,
             "depth" => &["depth"],
@@ -213,7 +214,8 @@ impl<'a> Table<'a> {
         };
         let columns: Vec<Vec<f64>> = channels.iter().map(|c| self.values(c)).collect();
         let rows = self.layout.rows.len();
-        let same = |k: &usize| columns.iter().all(|c| c[*k].to_bits() == c[*k - 1].to_bits());
+        let bits = |column: &[f64], k: usize| column.get(k).map(|v| v.to_bits());
+        let same = |k: &usize| columns.iter().all(|c| bits(c, *k) == bits(c, *k - 1));
         (1..rows).filter(same).count() as f64 > REPEATED * rows as f64
     }
 
