@@ -136,6 +136,8 @@ enum Commands {
     Calibrate(commands::calibrate::Calibrate),
     /// Find the change of a scenario that explains its samples: run them again with each
     Diagnose(commands::diagnose::Diagnose),
+    /// Print what each state would move by if each thing that nothing models had its usual size
+    Sensitivity(commands::sensitivity::Sensitivity),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
     Report(commands::report::Report),
     /// Compare runs: what differs in their scenarios and in their results
@@ -221,6 +223,9 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Diagnose(arguments) => commands::diagnose::diagnose(registry, &arguments),
+        Commands::Sensitivity(arguments) => {
+            commands::sensitivity::sensitivity(registry, &arguments)
+        }
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
         #[cfg(feature = "rerun")]
         Commands::View(arguments) => commands::view::view(registry, &arguments),

@@ -355,6 +355,7 @@ fn help_has_examples() {
         "replay",
         "report",
         "diagnose",
+        "sensitivity",
         "figures",
         "observability",
         "calibrate",

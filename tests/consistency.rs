@@ -61,6 +61,23 @@ fn all_sensors_of_an_auv_are_consistent() {
     assert_eq!(nis.len(), 4);
 }
 
+/// The angle of all axes of an IMU of navigation grade, and a velocity bias of the DVL, as states:
+/// 30 states, of which half are hardly determined.
+#[test]
+fn axes_of_an_imu_and_a_velocity_bias_that_are_states_are_consistent() {
+    for (angle, runs) in [("50 urad", "30"), ("0.5 mrad", "30")] {
+        let keys = ["gyro_axes", "gyro_misalignment", "accel_axes", "accel_misalignment"];
+        let axes = keys.map(|key| format!("sensor.imu.{key}={{ sigma = \"{angle}\" }}"));
+        let rest = ["sensor.imu.simulation.rate=20 Hz", "sensor.dvl.bias={ sigma = \"1 cm/s\" }"];
+        let settings = axes.iter().map(String::as_str).chain(rest);
+        let settings: Vec<&str> = settings.flat_map(|s| ["--set", s]).collect();
+        let report = report("quickstart", runs, &settings);
+        let point = &report["points"][0];
+        is_consistent(point);
+        are_judged_consistent(point, 3); // 0.3 are expected
+    }
+}
+
 /// An IMU and a depth sensor alone: 24 minutes in which the position drifts by a kilometre. The
 /// sigma of all 15 states is accurate to 5 %, so that the ANEES is between 15 / 1.05^2 and 15 *
 /// 1.05^2; 400 runs determine it to 0.27, 0.9 % in sigma.

@@ -20,6 +20,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod schema;
+pub mod sensitivity;
 pub mod smooth;
 pub mod status;
 pub mod sweep;

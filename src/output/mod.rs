@@ -7,6 +7,7 @@ mod files;
 pub mod progress;
 pub mod run;
 pub mod scenarios;
+pub mod sensitivity;
 mod tables;
 pub mod terminal;
 

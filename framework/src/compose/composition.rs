@@ -4,10 +4,10 @@ use crate::compose::draw::Draw;
 use crate::compose::estimator::Creator;
 use crate::compose::settings::Initial;
 use crate::model::error::ComposeError;
-use crate::model::process::ProcessModel;
 use crate::model::process::monitor::Monitor;
 use crate::model::process::screening::Screening;
 use crate::model::process::start::InitialAlignment;
+use crate::model::process::{ProcessModel, Product};
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::motion::Motion;
@@ -43,6 +43,8 @@ pub struct Process {
     pub monitor: Option<Box<dyn Monitor>>,
     /// Slots of the biases of the driving sensor, which the filter tests for steps.
     pub biases: Vec<usize>,
+    /// Product of two errors that the linear model neglects.
+    pub product: Option<Product>,
     /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }

@@ -50,8 +50,10 @@ pub struct EstimatorConfig {
     /// Linearises the samples of this time after the start again, at their smoothed trajectory,
     /// while the filter runs: after a 64th of this time, whenever the time since the start has grown by
     /// a quarter, and after the whole of it. For a wide prior, such as a heading known to 30 deg; see
-    /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other
-    /// than `ekf`, and blocks that come and go leave the key without effect; an event reports it.
+    /// the explanation of update rules. `0 s` does not. A smoothed run, an estimator other than `ekf`,
+    /// and blocks that come and go leave the key without effect; an event reports it. Default: only
+    /// while the product of tilt and gyro bias matters, as at rest with a wide prior, and for 30 min at
+    /// most.
     relinearise: Option<NonNegative<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated),
     /// `ukf` (unscented), or one that a plugin registers. A sensor's own `update` has precedence.
@@ -137,9 +139,14 @@ impl EstimatorConfig {
         span.filter(|span| *span > Span::ZERO)
     }
 
+    /// Returns `true` if the filter decides whether it linearises samples again.
+    pub(crate) fn decides_to_relinearise(&self) -> bool {
+        self.relinearise.is_none()
+    }
+
     /// Lets every sample be linearised once.
     pub(crate) fn linearise_once(&mut self) {
-        self.relinearise = None;
+        self.relinearise = Some(NonNegative::from_si(0.0));
     }
 
     /// Returns `true` if samples are linearised at their smoothed trajectory.

@@ -53,6 +53,7 @@ impl Estimate {
         layout: &'a Layout,
         gated: Option<(Time, u64)>,
     ) -> FilterView<'a> {
-        FilterView { layout, state: &self.state, covariance: &self.covariance, gated }
+        let (state, covariance) = (&self.state, &self.covariance);
+        FilterView { layout, state, covariance, gated, smoothed: self.offset.is_some() }
     }
 }

@@ -118,6 +118,7 @@ impl<'a> Building<'a> {
                 coasts_after,
                 biases,
                 corrections,
+                product,
             } = make(&part.own_keys(), &mut self.composer)?;
             let named = corrections.into_iter().map(|(sensor, model)| InputPart {
                 owner: part.name.to_owned(),
@@ -143,6 +144,7 @@ impl<'a> Building<'a> {
                 input,
                 coasts_after,
                 biases,
+                product,
                 constraint: None,
             });
         }

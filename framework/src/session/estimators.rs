@@ -9,7 +9,7 @@ use crate::model::record::Epoch;
 use crate::model::sensor::Role;
 use crate::model::sensor::rule::RuleType;
 use crate::plugin::Registry;
-use crate::smooth::Relinearised;
+use crate::smooth::{Relinearised, products_matter};
 use crate::units::time::Time;
 
 /// Finds the type of estimator of that name.
@@ -62,9 +62,12 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
 /// Creates the estimator of a composition.
 pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
     let again = composition.estimator.relinearise();
+    let decides = composition.estimator.decides_to_relinearise();
+    let watches = decides && products_matter(&composition);
     let estimator = (composition.creator.create)(composition);
     match again {
         Some(span) => Box::new(Relinearised::new(estimator, span)),
+        None if watches => Box::new(Relinearised::watching(estimator)),
         None => estimator,
     }
 }
@@ -74,23 +77,34 @@ pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
 pub(crate) fn settle(composition: &mut Composition) {
     let untested = untested(&composition.sensors);
     composition.notes.extend(untested.map(|text| ("estimator".to_owned(), text)));
-    if composition.estimator.relinearise().is_none() {
-        return;
-    }
-    let transient = composition.layout.blocks.iter().find(|b| b.label.is_some());
-    let text = if composition.estimator.smooths() {
-        "`relinearise` has no effect on a smoothed run; `passes` linearises all its samples again"
-            .to_owned()
-    } else if !composition.creator.smooths {
-        let name = composition.creator.name;
-        format!("`relinearise` has no effect with type = {name:?}, but with type = \"ekf\"")
-    } else if let Some(block) = transient {
-        format!("`relinearise` has no effect with blocks that come and go, such as {}", block.name)
+    let Some(obstacle) = obstacle(composition) else { return };
+    let text = if composition.estimator.relinearise().is_some() {
+        Some(format!("`relinearise` has no effect {obstacle}"))
+    } else if composition.estimator.passes() == 1 && products_matter(composition) {
+        Some(format!("{PRODUCTS}, and `relinearise` has no effect {obstacle}"))
     } else {
-        return;
+        None
     };
     composition.estimator.linearise_once();
-    composition.notes.push(("estimator".to_owned(), text));
+    composition.notes.extend(text.map(|text| ("estimator".to_owned(), text)));
+}
+
+/// What a run neglects that cannot linearise its samples again.
+const PRODUCTS: &str = "with priors as wide as these, the processes neglect products of errors that \
+                        matter, at rest above all: states may be wrong beyond their sigma";
+
+/// The reason for which a composition cannot linearise samples again.
+fn obstacle(composition: &Composition) -> Option<String> {
+    let transient = composition.layout.blocks.iter().find(|b| b.label.is_some());
+    if composition.estimator.smooths() {
+        let text = "on a smoothed run; `passes` linearises all its samples again";
+        Some(text.to_owned())
+    } else if !composition.creator.smooths {
+        let name = composition.creator.name;
+        Some(format!("with type = {name:?}, but with type = \"ekf\""))
+    } else {
+        transient.map(|block| format!("with blocks that come and go, such as {}", block.name))
+    }
 }
 
 /// Rejects another update rule than that of the unscented filter.

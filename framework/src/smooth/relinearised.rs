@@ -13,9 +13,17 @@
 //! samples are forgotten after `T`. The records of the filter give the first trajectory, so a pass
 //! is one run of the filter over these samples, and a backward recursion for the mean alone
 //! (`means.rs`). All times together repeat `5 T` of samples for each pass.
+//!
+//! Findings of comparisons with the estimate wait until the last passes, since each pass compares
+//! anew: those of the last one count.
+//!
+//! Without a span in the scenario, it does so only while the products of errors that the processes
+//! neglect matter (`watch.rs`).
 
 use super::change::Change;
 use super::means::Records;
+use super::recording::{Pass, Recording};
+use super::watch::{self, Due, Watch};
 use crate::checkpoint::Io;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
@@ -23,13 +31,11 @@ use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::EstimatorError;
 use crate::model::process::start::AlignmentReport;
 use crate::model::record::finding::Finding;
-use crate::model::record::{
-    Epoch, Event, Level, Observer, Rejection, Repetition, Truth, UpdateRecord,
-};
-use crate::state::covariance::{Covariance, Transition, Update};
+use crate::model::record::{Epoch, Event, Level, Observer, Repetition, Truth};
+use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
-use crate::units::time::Span;
+use crate::units::time::{Span, Time};
 use std::sync::Arc;
 
 /// Largest number of passes at one time.
@@ -47,8 +53,14 @@ const FIRST: i64 = 64;
 /// Part by which the time since the start grows until the next passes.
 const GROWTH: i64 = 4;
 
+/// Part of the time since the start after which passes that failed are tried again, twice of it.
+const RETRY: i64 = 128;
+
 /// Number of failures in a row that are reported; few samples at an uncertain heading may fail once.
 const REPORTED: u32 = 3;
+
+/// Reason for passes that the scenario does not ask for.
+const WHY: &str = ", since products of errors that the processes neglect mattered";
 
 /// Number of samples that are kept before the filter starts.
 const WAITING: usize = 256;
@@ -71,6 +83,13 @@ struct Record {
     span: Span,
     /// Number of times in a row at which the passes failed.
     failures: u32,
+    /// Set where the products of errors decide about the passes.
+    watch: Option<Watch>,
+    /// Time from the start before which no passes are tried after some that failed.
+    retry: Span,
+    /// Findings that compare samples with the estimate: of the run, and of the last pass.
+    findings: Vec<Finding>,
+    found: Vec<Finding>,
     /// Records of the filter, and of the last pass.
     run: Records,
     pass: Records,
@@ -78,16 +97,35 @@ struct Record {
 
 impl Relinearised {
     /// Lets an estimator linearise the samples of the span after its start again.
-    pub(crate) fn new(mut estimator: Box<dyn Estimator>, span: Span) -> Self {
+    pub(crate) fn new(estimator: Box<dyn Estimator>, span: Span) -> Self {
+        Self::with(estimator, span, Span::from_nanos(span.nanos() / FIRST), None)
+    }
+
+    /// Lets an estimator linearise the samples since its start again while the products of errors
+    /// matter.
+    pub(crate) fn watching(estimator: Box<dyn Estimator>) -> Self {
+        Self::with(estimator, watch::LONGEST, watch::FIRST, Some(Watch::default()))
+    }
+
+    fn with(
+        mut estimator: Box<dyn Estimator>,
+        span: Span,
+        next: Span,
+        watch: Option<Watch>,
+    ) -> Self {
         let record = estimator.linearised().map(|ekf| {
             let considers = ekf.considered().contains(&true);
             let records = || Records::new(&ekf.composition().layout, considers);
             Box::new(Record {
                 first: ekf.snapshot(),
                 samples: Vec::new(),
-                next: Span::from_nanos(span.nanos() / FIRST),
+                next,
                 span,
                 failures: 0,
+                watch,
+                retry: Span::ZERO,
+                findings: Vec::new(),
+                found: Vec::new(),
                 run: records(),
                 pass: records(),
             })
@@ -97,13 +135,25 @@ impl Relinearised {
 
     /// Makes the passes if they are due.
     fn relinearise(&mut self, observer: &mut dyn Observer) {
+        let Self { estimator, record: place, .. } = self;
+        let Some((ekf, record)) = estimator.linearised().zip(place.as_mut()) else { return };
+        let Some(start) = record.run.start else { return };
+        let time = ekf.time() - start;
+        match record.due(ekf, time) {
+            Due::Nothing => {}
+            Due::Passes => {
+                let last = time >= record.span;
+                self.pass(start, last, observer);
+            }
+            Due::End => self.close(observer),
+        }
+    }
+
+    /// Makes the passes, the last ones of all if `last` is set.
+    fn pass(&mut self, start: Time, last: bool, observer: &mut dyn Observer) {
         let Self { estimator, record: place, jumped } = self;
         let Some((ekf, record)) = estimator.linearised().zip(place.as_mut()) else { return };
-        let time = ekf.time();
-        let Some(start) = record.run.start.filter(|start| time - *start >= record.next) else {
-            return;
-        };
-        let (before, last) = (ekf.snapshot(), time - start >= record.span);
+        let (time, before) = (ekf.time(), ekf.snapshot());
         let converged = if last { CONVERGED_LAST } else { CONVERGED };
         let made = record.relinearise(ekf, converged, observer);
         if made.is_err() {
@@ -111,6 +161,11 @@ impl Relinearised {
             ekf.restore(&before);
             observer.repetition(Repetition::Failed);
         }
+        // passes end the watch once their covariance shows that the products will not matter
+        let watch = record.watch.as_mut().filter(|_| made.is_ok());
+        let over = watch.is_some_and(|watch| watch.made(watch::weight(ekf)));
+        let last = last || over;
+        record.plan(time - start);
         let mut report = |level, text| {
             observer.event(Event { time, level, about: "estimator".into(), text });
         };
@@ -119,12 +174,14 @@ impl Relinearised {
                 *jumped = true;
                 record.failures = 0;
                 if last {
-                    let text = format!("linearised the samples since {start} again: {text}");
+                    let why = record.watch.map_or("", |_| WHY);
+                    let text = format!("linearised the samples since {start} again{why}: {text}");
                     report(Level::Info, text);
                 }
             }
             Err(text) => {
                 record.failures += 1;
+                record.plan_again(time - start);
                 if last || record.failures == REPORTED {
                     let text = format!(
                         "the samples since {start} were not linearised again, and the estimate \
@@ -134,15 +191,66 @@ impl Relinearised {
                 }
             }
         }
-        let grown = (time - start).nanos();
-        record.next = Span::from_nanos(grown.saturating_add(grown / GROWTH)).min(record.span);
         if last {
-            *place = None;
+            self.close(observer);
+        }
+    }
+
+    /// Ends the passes: forgets the samples, and reports the findings.
+    fn close(&mut self, observer: &mut dyn Observer) {
+        let findings = self.record.take().map(|record| record.findings);
+        findings.into_iter().flatten().for_each(|finding| observer.finding(finding));
+    }
+
+    /// Makes the last passes of a run that ends while the products of errors matter.
+    fn end(&mut self, observer: &mut dyn Observer) {
+        let Self { estimator, record, .. } = self;
+        let Some((ekf, record)) = estimator.linearised().zip(record.as_ref()) else { return };
+        let Some((watch, start)) = record.watch.zip(record.run.start) else { return };
+        if watch.ends_with_passes(watch::weight(ekf), ekf.time().since(start)) {
+            self.pass(start, true, observer);
         }
     }
 }
 
 impl Record {
+    /// Decides whether passes are due this time after the start, and plans the next ones if not.
+    fn due(&mut self, ekf: &dyn Linearised, time: Span) -> Due {
+        let planned = time >= self.next;
+        let Some(watch) = self.watch else {
+            return if planned { Due::Passes } else { Due::Nothing };
+        };
+        if time < self.retry {
+            return Due::Nothing;
+        }
+        let due = watch.due(watch::weight(ekf), time.seconds(), planned);
+        if planned {
+            self.plan(time);
+        }
+        due
+    }
+
+    /// Plans passes in place of some that failed, where the scenario does not plan them: soon, since
+    /// the first samples of a drive may not suffice, and later after each failure.
+    fn plan_again(&mut self, time: Span) {
+        let wait = (time.nanos() / RETRY) << self.failures.min(4);
+        self.retry = Span::from_nanos(time.nanos().saturating_add(wait));
+        if self.watch.is_some() {
+            self.next = self.next.min(self.retry);
+        }
+    }
+
+    /// Plans the next passes.
+    fn plan(&mut self, time: Span) {
+        let time = time.nanos();
+        self.next = Span::from_nanos(time.saturating_add(time / GROWTH)).min(self.span);
+    }
+
+    /// Observer of the run, which records it.
+    fn recording<'a>(&'a mut self, observer: &'a mut dyn Observer) -> Recording<'a> {
+        Recording { records: &mut self.run, findings: &mut self.findings, observer }
+    }
+
     /// Notes a sample that the filter takes next.
     fn note(&mut self, ekf: &dyn Linearised, sample: &Sample) {
         // a search gives its samples back when it ends
@@ -179,7 +287,8 @@ impl Record {
             ekf.restore(&self.first);
             ekf.follow_course(Box::new(course));
             observer.repetition(Repetition::Begins);
-            let mut pass = Pass { records: &mut self.pass, observer };
+            self.found.clear();
+            let mut pass = Pass { records: &mut self.pass, findings: &mut self.found, observer };
             let mut samples = self.samples.iter();
             samples
                 .try_for_each(|sample| ekf.take(sample, &mut pass))
@@ -212,69 +321,8 @@ impl Record {
         self.pass.joined(&injected);
         observer.repetition(Repetition::Ends(&injected));
         std::mem::swap(&mut self.run, &mut self.pass);
+        std::mem::swap(&mut self.findings, &mut self.found);
         Ok(report)
-    }
-}
-
-/// Shows what a pass does to its records, and the maps of the error to the observer.
-struct Pass<'a> {
-    records: &'a mut Records,
-    observer: &'a mut dyn Observer,
-}
-
-impl Observer for Pass<'_> {
-    fn transition(&mut self, transition: &Transition) {
-        self.records.transition(transition);
-        self.observer.transition(transition);
-    }
-    fn correction(&mut self, update: &Update) {
-        self.records.correction(update);
-        self.observer.correction(update);
-    }
-    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
-        self.records.moved(state, covariance, offset);
-    }
-}
-
-/// Shows the records what the filter does, and everything to the observer.
-struct Recording<'a> {
-    records: &'a mut Records,
-    observer: &'a mut dyn Observer,
-}
-
-impl Observer for Recording<'_> {
-    fn epoch(&mut self, epoch: &Epoch<'_>) {
-        self.observer.epoch(epoch);
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) {
-        self.observer.update(update);
-    }
-    fn transition(&mut self, transition: &Transition) {
-        self.records.transition(transition);
-        self.observer.transition(transition);
-    }
-    fn correction(&mut self, update: &Update) {
-        self.records.correction(update);
-        self.observer.correction(update);
-    }
-    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
-        self.records.moved(state, covariance, offset);
-        self.observer.moved(state, covariance, offset);
-    }
-    fn corrected(&mut self, offset: &[f64]) {
-        self.observer.corrected(offset);
-    }
-    fn gated(&mut self, update: &Update) {
-        self.observer.gated(update);
-    }
-    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
-        self.observer.input(sample, rejected);
-    }
-    fn event(&mut self, event: Event) {
-        self.observer.event(event);
-    }
-    fn finding(&mut self, finding: Finding) {
-        self.observer.finding(finding);
     }
 }
 
@@ -293,18 +341,23 @@ impl Estimator for Relinearised {
         };
         let Some(ekf) = estimator.linearised() else { return Ok(()) };
         record.note(ekf, sample);
-        ekf.take(sample, &mut Recording { records: &mut record.run, observer })?;
+        ekf.take(sample, &mut record.recording(observer))?;
         if let Some(samples) = ekf.take_found() {
             record.begin(ekf);
             record.samples.extend_from_slice(&samples);
-            ekf.catch_up(&samples, &mut Recording { records: &mut record.run, observer })?;
+            ekf.catch_up(&samples, &mut record.recording(observer))?;
         }
         self.relinearise(observer);
         Ok(())
     }
 
     fn finish(&mut self, observer: &mut dyn Observer) {
-        self.estimator.finish(observer);
+        match &mut self.record {
+            Some(record) => self.estimator.finish(&mut record.recording(observer)),
+            None => self.estimator.finish(observer),
+        }
+        self.end(observer);
+        self.close(observer);
     }
 
     fn running(&self) -> bool {
@@ -322,7 +375,7 @@ impl Estimator for Relinearised {
     fn settle(&mut self, observer: &mut dyn Observer) {
         match &mut self.record {
             Some(record) => {
-                self.estimator.settle(&mut Recording { records: &mut record.run, observer });
+                self.estimator.settle(&mut record.recording(observer));
             }
             None => self.estimator.settle(observer),
         }
@@ -343,7 +396,7 @@ impl Estimator for Relinearised {
     fn memory(&mut self, io: &mut Io<'_>) {
         if io.restores() {
             self.record = None;
-        } else if self.record.is_some() {
+        } else if self.record.as_ref().is_some_and(|record| record.watch.is_none()) {
             io.refuse("it linearises its samples again until estimator.relinearise is over");
         }
         self.estimator.memory(io);

@@ -187,6 +187,10 @@ macro_rules! checked {
         impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
             $name<Triple<Quantity<L, M, T, A, K>>>
         {
+            /// The same value in SI for each axis, from the program; its sign is not checked.
+            pub const fn each(si: f64) -> Self {
+                Self(Triple::new([Quantity::from_si(si); 3]))
+            }
             /// The three values in SI.
             pub fn si(&self) -> Vector3<f64> {
                 self.0.si()

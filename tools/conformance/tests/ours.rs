@@ -48,7 +48,18 @@ fn conforms(plugin: &dyn Plugin, sensor: &str) -> Result<(), Failed> {
 
 #[test]
 fn the_imu_the_strapdown_process_and_the_reference_conform() -> Result<(), Failed> {
-    conforms(&navfuse_ins::InsPlugin, "")
+    conforms(&navfuse_ins::InsPlugin, "")?;
+    conforms(
+        &navfuse_ins::InsPlugin,
+        r#"
+        [process.ins.gravity_disturbance]
+        sigma = "50 ug"
+        [sensor.imu.gyro_scale]
+        sigma = "300 ppm"
+        [sensor.imu.accel_misalignment]
+        sigma = "0.5 mrad"
+        "#,
+    )
 }
 
 #[test]
@@ -58,6 +69,7 @@ fn the_dvl_conforms() -> Result<(), Failed> {
         r#"
         [sensor.dvl]
         noise = "1 cm/s"
+        bias = { sigma = "1 cm/s" }
         scale = { sigma = "1 %" }
         misalignment = { sigma = "0.5 deg" }
         lever_arm = ["0.3 m", "0 m", "0.2 m"]

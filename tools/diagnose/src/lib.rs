@@ -1,18 +1,22 @@
 //! Finds the change of a scenario that explains its samples.
 //!
 //! The scenario is run again with every plausible error put right, such as a lag, a lever arm, a
-//! unit or the axes of an instrument, and the likelihoods of the same samples are compared.
+//! unit or the axes of an instrument, and the likelihoods of the same samples are compared. With the
+//! usual size of everything that it does not model, the same runs give the sensitivity of the result.
 
 mod apply;
 mod causes;
 mod likelihood;
+mod parallel;
 mod patch;
 mod recording;
 mod scene;
 mod search;
+mod sensitivity;
 mod trial;
 
 pub use apply::apply;
+pub use sensitivity::{Row, Sensitivity, sensitivity};
 
 use navfuse_core::document::{Document, DocumentError};
 use navfuse_core::model::record::verdict::VerdictLevel;

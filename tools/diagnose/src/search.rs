@@ -2,6 +2,7 @@
 
 use crate::causes::{refined, suggested};
 use crate::likelihood::Channels;
+use crate::parallel;
 use crate::patch::Patch;
 use crate::scene::Scene;
 use crate::trial::{Outcome, distance, run, words};
@@ -9,8 +10,6 @@ use crate::{Diagnosis, Options, Trial};
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::units::sample::MAX_CHANNELS;
 use navfuse_core::units::time::{Span, Time};
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -108,29 +107,14 @@ impl<'a> Search<'a> {
     /// has no run.
     fn all(&self, patches: Vec<Patch>, until: Time) -> Vec<Run> {
         self.planned.fetch_add(patches.len(), Ordering::Relaxed);
-        let next = AtomicUsize::new(0);
-        let runs: Mutex<Vec<(usize, Run)>> = Mutex::default();
-        let work = || {
-            while !self.stop.load(Ordering::Relaxed) {
-                let at = next.fetch_add(1, Ordering::Relaxed);
-                let Some(patch) = patches.get(at) else { break };
-                let outcome = run(self.scene, patch, until, &self.scales, self.stop);
-                if let Some(outcome) = outcome.ok().filter(|o| !o.interrupted) {
-                    let mut runs = runs.lock().unwrap_or_else(PoisonError::into_inner);
-                    runs.push((at, (patch.clone(), outcome)));
-                }
-                let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-                (self.progress)(done, self.planned.load(Ordering::Relaxed));
-            }
-        };
-        std::thread::scope(|scope| {
-            (0..self.options.threads.max(1)).for_each(|_| {
-                scope.spawn(work);
-            })
-        });
-        let mut runs = runs.into_inner().unwrap_or_else(PoisonError::into_inner);
-        runs.sort_by_key(|(at, _)| *at);
-        runs.into_iter().map(|(_, run)| run).collect()
+        parallel::each(patches.len(), self.options.threads, self.stop, |at| {
+            let patch = &patches[at];
+            let outcome = run(self.scene, patch, until, &self.scales, self.stop);
+            let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.progress)(done, self.planned.load(Ordering::Relaxed));
+            let outcome = outcome.ok().filter(|outcome| !outcome.interrupted);
+            outcome.map(|outcome| (patch.clone(), outcome))
+        })
     }
 
     /// The number of values of each channel that every run has to explain: of a constraint those of

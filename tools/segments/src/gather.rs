@@ -9,7 +9,6 @@ use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
 use navfuse_core::state::{Dynamics, Handle, Layout, State};
-use navfuse_core::units::Components;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_ins::Output;
@@ -183,8 +182,8 @@ impl<'a> Builder<'a> {
         }
         Ok(Imu {
             samples: series,
-            gyro_noise: triple(&config.gyro_noise.value().components()),
-            accel_noise: triple(&config.accel_noise.value().components()),
+            gyro_noise: config.gyro_noise(),
+            accel_noise: config.accel_noise(),
             gyro_bias: self.sigma(".gyro_bias"),
             accel_bias: self.sigma(".accel_bias"),
         })

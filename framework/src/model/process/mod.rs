@@ -5,8 +5,10 @@ pub mod monitor;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod process;
 mod process_error;
+mod product;
 pub mod screening;
 pub mod start;
 
 pub use process::{BuiltProcess, Input, Interval, OwnDynamics, ProcessModel};
 pub use process_error::{ProcessError, ProcessErrorKind};
+pub use product::Product;

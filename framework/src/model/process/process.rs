@@ -4,6 +4,7 @@ use crate::checkpoint::{Io, Saved};
 use crate::model::process::ProcessError;
 use crate::model::process::input::{AnyInput, ErasedInput, InputModel};
 use crate::model::process::monitor::Monitor;
+use crate::model::process::product::Product;
 use crate::model::process::screening::{Screening, Spread};
 use crate::model::process::start::InitialAlignment;
 use crate::model::sensor::motion::Motion;
@@ -187,6 +188,7 @@ pub struct BuiltProcess {
     pub(crate) coasts_after: Option<f64>,
     pub(crate) biases: Vec<usize>,
     pub(crate) corrections: Vec<(String, Box<dyn AnyInput>)>,
+    pub(crate) product: Option<Product>,
 }
 
 impl BuiltProcess {
@@ -201,6 +203,7 @@ impl BuiltProcess {
             coasts_after: None,
             biases: Vec::new(),
             corrections: Vec::new(),
+            product: None,
         }
     }
 
@@ -240,6 +243,13 @@ impl BuiltProcess {
     pub fn with_bias<T: Manifold>(mut self, bias: Handle<T>) -> Self {
         self.biases.push(bias.slot());
         self
+    }
+
+    /// States the product of two errors that the linear model neglects. While it matters, the filter
+    /// linearises the samples since its start again, at their smoothed trajectory.
+    #[must_use]
+    pub fn neglecting(self, product: Option<Product>) -> Self {
+        Self { product, ..self }
     }
 
     /// Declares that the process coasts on a gap of its driving sensor longer than `gap` seconds:

@@ -1,12 +1,12 @@
 //! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever
 //! arm.
 //!
-//! `z = -h + e_D . C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure
-//! to depth).
+//! `z = k (-h + e_D . C_b^n l) + b` (Groves section 6.2.2, for a sensor that already converts pressure
+//! to depth). The scale factor `k` is the true density of the water over the assumed one.
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
-use navfuse_core::compose::calibration::{LengthBias, LeverArm};
+use navfuse_core::compose::calibration::{LengthBias, LeverArm, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::limits::Limit;
@@ -32,6 +32,9 @@ pub struct Depth {
     /// Bias: the reading at depth zero, which includes tide and air pressure. Default: zero.
     #[serde(default)]
     pub bias: LengthBias,
+    /// Scale factor k: the true density of the water over the one that the instrument assumes, such
+    /// as `{ sigma = "2.5 %" }`. Default: k = 1.
+    pub scale: Option<ScaleFactor>,
     /// Position of the sensor's port from the IMU, in body axes. Default: at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
@@ -62,6 +65,10 @@ impl SensorType for Depth {
                 &[0.0; 3],
                 display::LEVER_ARM,
             )?,
+            scale: self
+                .scale
+                .map(|scale| scale.block(composer, "scale", &[1.0], display::RATIO))
+                .transpose()?,
             sigma: self.noise.value().si(),
         };
         composer.mounted(Mounting::at(model.lever_arm));
@@ -75,28 +82,35 @@ pub struct DepthModel {
     navigation: Navigation,
     bias: Handle<Scalar>,
     lever_arm: Handle<Vector<3>>,
+    scale: Option<Handle<Scalar>>,
     sigma: f64,
 }
 
 impl MeasurementModel<1> for DepthModel {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         let port = self.navigation.position_at(x, &x.get(self.lever_arm));
-        SVector::from([x.get(self.bias) - port.height])
+        let height = self.scale.map_or(port.height, |scale| port.height * x.get(scale));
+        SVector::from([x.get(self.bias) - height])
     }
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 
-    /// The analytic Jacobian, which saves the evaluation with dual numbers: 1 for the downward
-    /// displacement, `(C l) x e_D` for the attitude (from `e_D . (phi x C l)`), the down row of
-    /// `C_b^n` for the lever arm, and 1 for the bias.
+    /// The analytic Jacobian, which saves the evaluation with dual numbers: k times 1 for the
+    /// downward displacement, `(C l) x e_D` for the attitude (from `e_D . (phi x C l)`) and the down
+    /// row of `C_b^n` for the lever arm; the depth for k, and 1 for the bias.
     fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 1>) -> bool {
         let c_b_n = x.get(self.navigation.attitude);
         let l = c_b_n * x.get(self.lever_arm);
-        h.set(self.navigation.position, &SMatrix::<f64, 1, 3>::new(0.0, 0.0, 1.0));
-        h.set(self.navigation.attitude, &SMatrix::<f64, 1, 3>::new(l.y, -l.x, 0.0));
-        h.set(self.lever_arm, &c_b_n.matrix().fixed_view::<1, 3>(2, 0).into_owned());
+        let k = self.scale.map_or(1.0, |scale| x.get(scale));
+        h.set(self.navigation.position, &SMatrix::<f64, 1, 3>::new(0.0, 0.0, k));
+        h.set(self.navigation.attitude, &(SMatrix::<f64, 1, 3>::new(l.y, -l.x, 0.0) * k));
+        h.set(self.lever_arm, &(c_b_n.matrix().fixed_view::<1, 3>(2, 0) * k));
+        if let Some(scale) = self.scale {
+            let port = self.navigation.position_at(x, &x.get(self.lever_arm));
+            h.set(scale, &SMatrix::<f64, 1, 1>::new(-port.height));
+        }
         h.set(self.bias, &SMatrix::<f64, 1, 1>::new(1.0));
         true
     }

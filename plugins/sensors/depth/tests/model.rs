@@ -61,6 +61,17 @@ fn the_jacobian_is_the_derivative() {
     assert!(error < 1e-6, "{error}");
 }
 
+/// Water that is 2 % denser than the instrument assumes makes a depth of 120 m read 122.4 m.
+#[test]
+fn a_denser_water_scales_the_depth_and_not_its_bias() {
+    let settings = ["sensor.depth.scale={ sigma = \"2.5 %\" }"];
+    let blocks: [(&str, &[f64]); 3] =
+        [("ins.position", &[0.5, 1.0, -120.0]), ("depth.bias", &[0.25]), ("depth.scale", &[1.02])];
+    let bench = ModelBench::new(SCENARIO, &settings, "depth", &blocks);
+    assert!((bench.predict()[0] - (122.4 + 0.25)).abs() < 1e-12, "{:?}", bench.predict());
+    assert!(bench.jacobian_error() < 1e-6, "{}", bench.jacobian_error());
+}
+
 #[test]
 fn the_noise_is_the_square_of_the_stated_sigma() {
     let variances = bench().variances(&ModelBench::sample(&[120.0]));

@@ -2,14 +2,15 @@
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
-use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::compose::calibration::{Calibration, LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::measurement::Jacobian;
 use navfuse_core::model::sensor::mounting;
 use navfuse_core::nalgebra::{SMatrix, Vector3};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
-use navfuse_core::state::{Handle, View};
+use navfuse_core::state::{Display, Handle, View};
+use navfuse_core::units::{AccelerationNoise, Speed, Triple};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -25,11 +26,17 @@ pub enum TrackingMode {
     Water,
 }
 
+/// Bias of a velocity in the axes of the instrument.
+pub(crate) type VelocityBias = Calibration<Triple<Speed>, Triple<AccelerationNoise>>;
+
+const BIAS: Display = Display { components: &["x", "y", "z"], ..display::VELOCITY };
+
 /// Values of the calibration keys that every Doppler instrument has.
 pub(crate) struct Mounting<'a> {
     pub scale: ScaleFactor,
     pub misalignment: Misalignment,
     pub lever_arm: LeverArm,
+    pub bias: Option<VelocityBias>,
     pub navigation: &'a str,
 }
 
@@ -48,6 +55,7 @@ pub(crate) struct Instrument {
     scale: Handle<Scalar>,
     pub c_b_d: Handle<Rotation>,
     pub lever_arm: Handle<Vector<3>>,
+    bias: Option<Handle<Vector<3>>>,
     current: Option<Handle<Vector<3>>>,
 }
 
@@ -69,7 +77,9 @@ impl Mounting<'_> {
                 self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
             ),
         };
-        Ok(Instrument { navigation, scale, c_b_d, lever_arm, current })
+        let bias =
+            self.bias.map(|bias| bias.block(composer, "bias", &[0.0; 3], BIAS)).transpose()?;
+        Ok(Instrument { navigation, scale, c_b_d, lever_arm, bias, current })
     }
 
     /// Finds the misalignment and the lever arm of the sensor whose transducer this one shares.
@@ -133,17 +143,18 @@ impl Instrument {
     }
 
     /// Computes the velocity in the instrument's axes as the instrument reads it, m/s:
-    /// `y = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l)`.
+    /// `y = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l) + b`.
     ///
-    /// Pan & Wu eq. (7) with two additions: the lever arm `l`, at which rotation adds velocity
-    /// (Groves eq. 17.13), and the current `c`, because an instrument that tracks the water reads
-    /// the velocity relative to it.
+    /// Pan & Wu eq. (7) with three additions: the lever arm `l`, at which rotation adds velocity
+    /// (Groves eq. 17.13), the current `c`, because an instrument that tracks the water reads
+    /// the velocity relative to it, and the bias `b`.
     pub fn velocity<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
         let mut v_b = self.navigation.velocity_at(x, &x.get(self.lever_arm));
         if let Some(current) = self.current {
             v_b -= x.get(self.navigation.attitude).inverse() * x.get(current);
         }
-        x.get(self.c_b_d) * v_b * x.get(self.scale)
+        let y = x.get(self.c_b_d) * v_b * x.get(self.scale);
+        self.bias.map_or(y, |bias| y + x.get(bias))
     }
 
     /// Sets the derivatives of the readings `u_i . y` along `beams`, with `y` of [`Self::velocity`],
@@ -169,6 +180,9 @@ impl Instrument {
         }
         let v_d = c_b_d * v_b;
         h.set(self.scale, &(b * v_d));
+        if let Some(bias) = self.bias {
+            h.set(bias, &b);
+        }
         h.set(self.c_b_d, &(b * (v_d * -scale).cross_matrix()));
         h.set(self.lever_arm, &(b_d * body.lever_arm));
         h.set(self.navigation.attitude, &(b_d * body.attitude));

@@ -65,6 +65,8 @@ macro_rules! doppler_sensor {
             /// Position of the instrument from the IMU, in body axes. Default: at the IMU.
             #[serde(default)]
             pub lever_arm: LeverArm,
+            /// Bias of the velocity in the instrument's axes: forward, right, down. Default: none.
+            pub bias: Option<crate::instrument::VelocityBias>,
             /// Process whose motion the instrument measures.
             #[serde(default = "navfuse_ins::default_name")]
             pub navigation: String,
@@ -77,6 +79,7 @@ macro_rules! doppler_sensor {
                     scale: self.scale,
                     misalignment: self.misalignment,
                     lever_arm: self.lever_arm,
+                    bias: self.bias,
                     navigation: &self.navigation,
                 }
             }

@@ -3,10 +3,10 @@
 //!
 //! All of them read the velocity `y` in their own axes, whole or along beams `b_i`:
 //! ```text
-//! y   = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l)        [`Dvl`]
+//! y   = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l) + b    [`Dvl`]
 //! z_i = b_i . y                                         [`DvlBeams`], [`LaserDoppler`]
 //! ```
-//! Pan & Wu eq. (7), with the lever arm `l` that the paper omits. `c` is the velocity of the water
+//! Pan & Wu eq. (7), with the lever arm `l` and the bias `b` that the paper omits. `c` is the velocity of the water
 //! ([`WaterCurrent`]); it is zero for an instrument that tracks the bottom.
 
 mod beam;

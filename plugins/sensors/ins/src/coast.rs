@@ -58,6 +58,7 @@ impl Coast {
             out.set(place, &Vector3::zeros());
         }
         out.set_diagonal(s.p_v, &[dt; 3]);
+        out.set_diagonal(s.v_g, &[0.0; 3]);
         let variance = |density: Vector3<f64>| Matrix3::from_diagonal(&density.map(|d| d * d * dt));
         let (c_b_n, turn) = (attitude.matrix(), variance(self.turn.value().si()));
         out.set_noise(s.q_phi, &(c_b_n * turn * c_b_n.transpose()));

@@ -1,6 +1,8 @@
 //! The inertial measurement unit: a driving sensor, with its noise and its simulator.
 
 use crate::coast::Coast;
+use crate::errors::{self, Axes, GSensitivities, Scales};
+use crate::grade::Grade;
 use crate::screening::ImuScreening;
 use nalgebra::Vector3;
 use navfuse_core::compose::Composer;
@@ -8,8 +10,8 @@ use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::{Scene, Simulate};
 use navfuse_core::plugin::SensorType;
-use navfuse_core::state::Handle;
 use navfuse_core::state::manifold::Vector;
+use navfuse_core::state::{Handle, display};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{
     Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Duration, Positive, Sigma,
@@ -28,6 +30,9 @@ pub enum Output {
     /// Integrals of both since the previous sample.
     Increments,
 }
+
+/// Standard gravity, m/s^2.
+const STANDARD_GRAVITY: f64 = 9.806_65;
 
 const RATES: [(&str, &str); 6] = [
     ("gyro_x", "radps"),
@@ -55,10 +60,32 @@ pub struct Imu {
     /// Quantity in the channels: `rates` or `increments`.
     #[serde(default)]
     pub output: Output,
-    /// Angular random walk: white noise of the gyros, one value or one per axis.
-    pub gyro_noise: Sigma<Triple<AngularRateNoise>>,
-    /// Velocity random walk: white noise of the accelerometers, one value or one per axis.
-    pub accel_noise: Sigma<Triple<AccelerationNoise>>,
+    /// Class of the data sheet: `mems`, `tactical` or `navigation`. It gives every other key of noise
+    /// and errors that is absent, here and among the biases of the process. Default: none, and no
+    /// errors but noise and biases.
+    pub grade: Option<Grade>,
+    /// Angular random walk: white noise of the gyros, one value or one per axis. Required without
+    /// `grade`.
+    pub gyro_noise: Option<Sigma<Triple<AngularRateNoise>>>,
+    /// Velocity random walk: white noise of the accelerometers, one value or one per axis. Required
+    /// without `grade`.
+    pub accel_noise: Option<Sigma<Triple<AccelerationNoise>>>,
+    /// Scale factor errors of the gyros. Default: none, or those of the grade.
+    pub gyro_scale: Option<Scales>,
+    /// Scale factor errors of the accelerometers. Default: none, or those of the grade.
+    pub accel_scale: Option<Scales>,
+    /// Non-orthogonality of the gyros: about each axis half the angle by which the other two are
+    /// closer than 90 deg. Default: none, or that of the grade.
+    pub gyro_axes: Option<Axes>,
+    /// Non-orthogonality of the accelerometers. Default: none, or that of the grade.
+    pub accel_axes: Option<Axes>,
+    /// Rotation of the gyros' axes against the body. Default: none, or that of the grade.
+    pub gyro_misalignment: Option<Axes>,
+    /// Rotation of the accelerometers' axes against the body. Default: none, or that of the grade.
+    pub accel_misalignment: Option<Axes>,
+    /// Sensitivity of each gyro to the specific force along its axis. Default: none, or that of the
+    /// grade.
+    pub g_sensitivity: Option<GSensitivities>,
     /// Quantisation step of the angular rate in the recording. The filter treats the rounding as
     /// noise; a simulated IMU rounds its output to this step.
     pub gyro_quantisation: Option<Sigma<AngularRate>>,
@@ -93,12 +120,75 @@ impl SensorType for Imu {
         }
     }
 
-    fn build(self, _composer: &mut Composer) -> Result<Role, ComposeError> {
-        Ok(Role::Input(Box::new(self)))
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let imu = match self.grade {
+            Some(grade) => self.complete(grade),
+            None => self,
+        };
+        let noise =
+            [("gyro_noise", imu.gyro_noise.is_some()), ("accel_noise", imu.accel_noise.is_some())];
+        if let Some((key, _)) = noise.iter().find(|(_, given)| !given) {
+            let message = "is missing; give the noise of the data sheet, or a `grade`";
+            return Err(ComposeError::new(*key, message));
+        }
+        imu.add_errors(composer)?;
+        Ok(Role::Input(Box::new(imu)))
     }
 }
 
 impl Imu {
+    /// Fills the keys of noise and errors that are absent with those of a grade.
+    fn complete(self, grade: Grade) -> Self {
+        let ([gyro, accel], [gyro_scale, accel_scale]) = (grade.noise(), grade.scales());
+        let axes = Some(grade.axes());
+        Self {
+            gyro_noise: self.gyro_noise.or(Some(Sigma::each(gyro))),
+            accel_noise: self.accel_noise.or(Some(Sigma::each(accel))),
+            gyro_scale: self.gyro_scale.or(Some(gyro_scale)),
+            accel_scale: self.accel_scale.or(Some(accel_scale)),
+            gyro_axes: self.gyro_axes.or(axes),
+            accel_axes: self.accel_axes.or(axes),
+            gyro_misalignment: self.gyro_misalignment.or(axes),
+            accel_misalignment: self.accel_misalignment.or(axes),
+            g_sensitivity: self.g_sensitivity.or(Some(grade.g_sensitivity())),
+            ..self
+        }
+    }
+
+    /// Adds the states of the errors that the keys give.
+    fn add_errors(&self, composer: &mut Composer) -> Result<(), ComposeError> {
+        let scales = [("gyro_scale", self.gyro_scale), ("accel_scale", self.accel_scale)];
+        for (name, scale) in scales {
+            errors::block(scale, composer, name, display::RATIOS)?;
+        }
+        let axes = [
+            ("gyro_axes", self.gyro_axes),
+            ("gyro_misalignment", self.gyro_misalignment),
+            ("accel_axes", self.accel_axes),
+            ("accel_misalignment", self.accel_misalignment),
+        ];
+        for (name, axes) in axes {
+            errors::block(axes, composer, name, errors::AXES)?;
+        }
+        errors::block(self.g_sensitivity, composer, "g_sensitivity", errors::PER_G)
+    }
+
+    /// 1-sigma of the horizontal specific force that the axes of a level IMU at rest cause, m/s^2.
+    pub(crate) fn levelling_error(&self) -> f64 {
+        let sigma = |axes: Option<Axes>| axes.and_then(|a| a.sigma).map_or(0.0, |s| s.si().amax());
+        STANDARD_GRAVITY * sigma(self.accel_axes).hypot(sigma(self.accel_misalignment))
+    }
+
+    /// White noise of the gyros, rad/s/sqrt(Hz).
+    pub fn gyro_noise(&self) -> Vector3<f64> {
+        self.gyro_noise.map_or_else(Vector3::zeros, |noise| noise.si())
+    }
+
+    /// White noise of the accelerometers, m/s^2/sqrt(Hz).
+    pub fn accel_noise(&self) -> Vector3<f64> {
+        self.accel_noise.map_or_else(Vector3::zeros, |noise| noise.si())
+    }
+
     /// Mean angular rate (rad/s) and specific force (m/s^2) of a sample that covers `interval`
     /// seconds; `None` if channels are missing.
     #[inline]
@@ -144,6 +234,7 @@ pub(crate) struct SimulatedImu {
     pub imu: Imu,
     pub gyro_bias: Handle<Vector<3>>,
     pub accel_bias: Handle<Vector<3>>,
+    pub gravity: Option<Handle<Vector<3>>>,
 }
 
 impl Simulate for SimulatedImu {
@@ -152,7 +243,12 @@ impl Simulate for SimulatedImu {
         let (mut dtheta, mut dvel) = scene.trajectory.increments(scene.from, scene.to);
         dtheta += scene.truth.get(scene.layout, self.gyro_bias) * dt;
         dvel += scene.truth.get(scene.layout, self.accel_bias) * dt;
-        let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
+        if let Some(gravity) = self.gravity {
+            // the trajectory has normal gravity, and the specific force is acceleration less gravity
+            let gravity = scene.truth.get(scene.layout, gravity);
+            dvel -= scene.trajectory.at(scene.from).c_b_n.inverse() * gravity * dt;
+        }
+        let (gyro, accel) = (self.imu.gyro_noise(), self.imu.accel_noise());
         let spread = dt.sqrt() * scene.noise;
         for k in 0..3 {
             dtheta[k] += gyro[k] * spread * scene.random.normal();

@@ -8,6 +8,8 @@ pub mod alignment;
 mod coast;
 pub mod earth;
 pub mod error_model;
+mod errors;
+mod grade;
 mod imu;
 mod initial;
 pub mod mechanisation;
@@ -22,6 +24,8 @@ mod strapdown;
 mod testing;
 
 pub use coast::Coast;
+pub use errors::{Axes, GSensitivities, Scales};
+pub use grade::Grade;
 pub use imu::{Imu, Output};
 pub use initial::{InitialPosition, InitialValue};
 pub use navigation::{Navigation, VelocityDerivative, default_name};

@@ -2,7 +2,9 @@
 
 use crate::navigation::Navigation;
 use navfuse_core::compose::Composer;
+use navfuse_core::state::Handle;
 use navfuse_core::state::covariance::{InputSlot, NoiseSlot, PhiDiagonal, PhiSlot};
+use navfuse_core::state::manifold::Vector;
 
 /// Places that the model fills in `Phi` and `Q`. A velocity down does not turn the axes, and a
 /// position to the east changes neither them nor gravity: these columns have no place.
@@ -16,6 +18,7 @@ pub(crate) struct Places {
     pub v_v: PhiSlot<3, 3>,
     pub v_p: [PhiSlot<3, 1>; 2],
     pub v_ba: PhiSlot<3, 3>,
+    pub v_g: PhiDiagonal<3>,
     pub p_v: PhiDiagonal<3>,
     pub p_p: PhiSlot<3, 3>,
     pub q_phi: NoiseSlot<3>,
@@ -25,13 +28,19 @@ pub(crate) struct Places {
 }
 
 impl Places {
-    pub(crate) fn new(composer: &mut Composer, n: &Navigation, imu: &str) -> Self {
+    pub(crate) fn new(
+        composer: &mut Composer,
+        n: &Navigation,
+        gravity: Option<Handle<Vector<3>>>,
+        imu: &str,
+    ) -> Self {
         let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
         let (p, bg, ba) = (
             composer.tangent(n.position),
             n.gyro_bias.and_then(|bias| composer.tangent(bias)),
             n.accel_bias.and_then(|bias| composer.tangent(bias)),
         );
+        let gravity = gravity.and_then(|gravity| composer.tangent(gravity));
         let phi_gyro = composer.input_place(imu, phi, 0);
         let v_accel = composer.input_place(imu, v, 3);
         let down = p.map(|north| north + 2);
@@ -45,6 +54,7 @@ impl Places {
             v_v: t.phi(v, v),
             v_p: [t.phi(v, p), t.phi(v, down)],
             v_ba: t.phi(v, ba),
+            v_g: t.phi_diagonal(v, gravity),
             p_v: t.phi_diagonal(p, v),
             p_p: t.phi(p, p),
             q_phi: t.noise(phi),

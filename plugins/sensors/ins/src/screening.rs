@@ -112,7 +112,7 @@ impl Imu {
     /// Limits for the screening of the filter; `None` if it is off.
     pub(crate) fn screening(&self) -> Option<Screening> {
         let limits = self.screening.0?;
-        let (gyro, accel) = (self.gyro_noise.value().si(), self.accel_noise.value().si());
+        let (gyro, accel) = (self.gyro_noise(), self.accel_noise());
         let gyros = (0..3).map(|k| ChannelLimits {
             range: limits.gyro_range.value().si(),
             change: limits.gyro_change.map(|c| c.value().si()),

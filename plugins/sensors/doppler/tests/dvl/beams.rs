@@ -115,13 +115,16 @@ fn random_state(
     state
 }
 
+/// A bias that is a state.
+const BIAS: &str = "sensor.dvl.bias={ sigma = \"1 cm/s\" }";
+
 #[test]
 fn the_jacobian_is_the_derivative() {
     let sound = ["sensor.dvl.assumed_sound_speed=\"1500 m/s\"", "sensor.dvl.array=\"phased\""];
     let water = "[process.water]\ntype = \"water-current\"\ncurrent = { sigma = \"1 m/s\" }\n";
     let tracks = ["sensor.dvl.track=\"water\"", "sensor.dvl.current=\"water\""];
     let composition =
-        compose(&format!("{SCENARIO}{water}"), &[sound[0], sound[1], tracks[0], tracks[1]]);
+        compose(&format!("{SCENARIO}{water}"), &[sound[0], sound[1], tracks[0], tracks[1], BIAS]);
     let mut random = Random::new(1, "states");
     let model = model(&composition, "dvl");
     for case in 0..200 {

@@ -278,8 +278,7 @@ impl CoarseAlignment {
         // sigma of the apparent velocity of a vehicle at rest: sway at both ends, accelerometer
         // bias and noise, and the tilt from gyro bias (g b t^2 / 2) and gyro noise (g N sqrt(t^3 /
         // 3))
-        let (gyro, accel) =
-            (sensed.imu.gyro_noise.value().si().amax(), sensed.imu.accel_noise.value().si().amax());
+        let (gyro, accel) = (sensed.imu.gyro_noise().amax(), sensed.imu.accel_noise().amax());
         let g = self.earth.gravity;
         let sigma = |t: f64| {
             let drift = g * gyro * t.powf(1.5) / 3_f64.sqrt();

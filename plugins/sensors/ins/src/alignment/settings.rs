@@ -109,7 +109,7 @@ impl AlignmentSettings {
     /// the square root of the time, and the rotation of gravity that an unknown velocity imitates.
     pub fn heading_error(&self, imu: &Imu, north: f64) -> f64 {
         let t = self.coarse_duration;
-        let rate = self.bias.0.hypot(1.2 * imu.gyro_noise.value().si().amax() / t.sqrt());
+        let rate = self.bias.0.hypot(1.2 * imu.gyro_noise().amax() / t.sqrt());
         let turned = normal_gravity(MIDDLE_LATITUDE, 0.0) * 0.5 * t * t;
         rate.hypot(self.rest_velocity * SQRT_2 / turned) / north
     }

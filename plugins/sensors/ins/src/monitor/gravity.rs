@@ -184,7 +184,13 @@ mod tests {
         let bench = crate::testing::Bench::new(&[]);
         let (state, layout) = (bench.state(), &*bench.composition.layout);
         let covariance = navfuse_core::state::covariance::Covariance::zero(layout.tangent);
-        let filter = FilterView { layout, state: &state, covariance: &covariance, gated: None };
+        let filter = FilterView {
+            layout,
+            state: &state,
+            covariance: &covariance,
+            gated: None,
+            smoothed: false,
+        };
         let mut rule = Gravity::new(None);
         let [north, down] = acceleration;
         let dt = 0.125;

@@ -52,7 +52,8 @@ impl Levelling {
 
     #[inline]
     pub(super) fn take(&mut self, filter: &FilterView<'_>, time: Time) -> Option<Fault> {
-        if self.aligned || self.last.is_some_and(|last| time < last + PERIOD) {
+        // linearised at the smoothed trajectory, the filter does not neglect this part of gravity
+        if self.aligned || filter.smoothed || self.last.is_some_and(|last| time < last + PERIOD) {
             return None;
         }
         let n = &self.navigation;

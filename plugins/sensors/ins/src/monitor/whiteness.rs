@@ -77,7 +77,7 @@ saved!(Whiteness { levels, taken, time, noisy, reported } except { density, step
 
 impl Whiteness {
     pub(super) fn new(imu: &Imu) -> Self {
-        let (gyro, accel) = (imu.gyro_noise.value().si(), imu.accel_noise.value().si());
+        let (gyro, accel) = (imu.gyro_noise(), imu.accel_noise());
         let (w, f) = (imu.gyro_step(), imu.accel_step());
         Self {
             density: [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z],

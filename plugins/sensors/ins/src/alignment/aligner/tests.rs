@@ -84,7 +84,13 @@ impl Start {
         self.covariance.set(attitude + 2, attitude + 2, variance);
         self.state.time = at(seconds);
         let gated = (gated > 0).then_some((at(7.0), gated));
-        let view = FilterView { layout, state: &self.state, covariance: &self.covariance, gated };
+        let view = FilterView {
+            layout,
+            state: &self.state,
+            covariance: &self.covariance,
+            gated,
+            smoothed: false,
+        };
         self.aligner.supervise(&view)
     }
 
@@ -96,7 +102,13 @@ impl Start {
     fn unfinished(&self) -> Option<(Level, String)> {
         let layout = &*self.bench.composition.layout;
         let (state, covariance) = (&self.state, &self.covariance);
-        self.aligner.unfinished(&FilterView { layout, state, covariance, gated: None })
+        self.aligner.unfinished(&FilterView {
+            layout,
+            state,
+            covariance,
+            gated: None,
+            smoothed: false,
+        })
     }
 }
 

@@ -1,0 +1,41 @@
+//! The sensitivities of a run as a table.
+
+use super::terminal::Tone;
+use super::{line, marked_table, right, table};
+use navfuse_diagnose::{Row, Sensitivity};
+
+/// Mark of a change beyond sigma.
+const MARK: &str = "> sigma";
+
+/// Prints the change of each state by each thing, and the things that matter.
+pub fn print(found: &Sensitivity) {
+    if found.things.is_empty() {
+        return line("the scenario models everything of usual size");
+    }
+    let headings: Vec<&str> = ["state", "unit", "sigma"]
+        .into_iter()
+        .chain(found.things.iter().map(String::as_str))
+        .chain([""])
+        .collect();
+    let mut rows = table(&headings);
+    found.rows.iter().for_each(|row| {
+        rows.add_row(cells(row));
+    });
+    right(&mut rows, 2..3 + found.things.len());
+    marked_table(&rows, &[(MARK, Tone::Doubtful)]);
+    let exceeding = found.rows.iter().filter(|row| row.exceeds).count();
+    line(format_args!(
+        "{exceeding} of {} components would move by more than their sigma",
+        found.rows.len()
+    ));
+}
+
+fn cells(row: &Row) -> Vec<String> {
+    let number = |value: &f64| format!("{value:.2e}");
+    let mark = if row.exceeds { MARK } else { "" };
+    [format!("{} {}", row.state, row.component), row.unit.to_owned(), number(&row.sigma)]
+        .into_iter()
+        .chain(row.moves.iter().map(number))
+        .chain([mark.to_owned()])
+        .collect()
+}

@@ -1,0 +1,172 @@
+//! Changes of the result if each thing that the scenario does not model had its usual size.
+//!
+//! The same samples are run again with one of them in the model at a time, of the other sign: a bias of
+//! a DVL of -1 cm/s, another lever arm. The innovations are then those of an instrument with a bias of
+//! 1 cm/s and a model without, so that the difference of the two results is what the filter, with
+//! its own gains and gates, makes of that bias. The axes of a thing are independent, so their squares
+//! add up.
+
+mod unmodelled;
+
+use crate::parallel;
+use crate::recording::Recording;
+use crate::{DiagnoseError, Options};
+use navfuse_core::compose::Composition;
+use navfuse_core::document::Document;
+use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::{Block, Layout, State};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use unmodelled::Thing;
+
+/// Sensitivity of a component of the state to everything that the scenario does not model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Name of the state, such as `ins.attitude`.
+    pub state: String,
+    /// Name of the component, such as `yaw`.
+    pub component: &'static str,
+    /// Unit of the numbers.
+    pub unit: &'static str,
+    /// 1-sigma at the end of the run.
+    pub sigma: f64,
+    /// Change by each thing, in the order of [`Sensitivity::things`].
+    pub moves: Vec<f64>,
+    /// Set if a change is larger than sigma.
+    pub exceeds: bool,
+}
+
+/// The sensitivities of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sensitivity {
+    /// What the scenario does not model, with its usual size, such as `dvl: bias 1 cm/s`.
+    pub things: Vec<String>,
+    /// The components of the state.
+    pub rows: Vec<Row>,
+    /// Set if the runs were interrupted.
+    pub interrupted: bool,
+}
+
+/// Runs a scenario with each thing that it does not model, and calls `progress` with the number of
+/// runs that are done, and of all.
+///
+/// # Errors
+/// When the scenario does not compose, or its samples cannot be read.
+pub fn sensitivity(
+    registry: &Registry,
+    document: &Document,
+    options: &Options,
+    stop: &AtomicBool,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Sensitivity, DiagnoseError> {
+    let scenario = Scenario::new(registry, document.clone(), &[])?;
+    let recording = Recording::read(scenario.assemble(None)?)?;
+    let base = ended(scenario.compose()?, &recording, stop);
+    let things = unmodelled::things(document, &base.layout, &scenario.compose()?);
+    let runs: Vec<(usize, &String)> = things
+        .iter()
+        .enumerate()
+        .flat_map(|(k, thing)| thing.axes.iter().map(move |setting| (k, setting)))
+        .collect();
+    let done = AtomicUsize::new(0);
+    let moved = parallel::each(runs.len(), options.threads, stop, |at| {
+        let (thing, setting) = runs[at];
+        let scenario = Scenario::new(registry, document.clone(), std::slice::from_ref(setting));
+        let composition = scenario.ok().and_then(|scenario| scenario.compose().ok());
+        let moved = composition.map(|c| base.moved(&ended(c, &recording, stop)));
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, runs.len());
+        moved.map(|moved| (thing, moved))
+    });
+    Ok(base.table(&things, &moved, stop.load(Ordering::Relaxed)))
+}
+
+/// The end of a run.
+struct Ended {
+    layout: Arc<Layout>,
+    last: Last,
+}
+
+/// Runs the samples with a composition.
+fn ended(composition: Composition, recording: &Recording, stop: &AtomicBool) -> Ended {
+    let layout = Arc::clone(&composition.layout);
+    let sources = recording.sources(&composition, recording.span().1);
+    let sinks = vec![("last".to_owned(), Box::<Last>::default() as _)];
+    let mut finished = runner::run(Assembly { composition, sources, sinks }, stop, |_| {});
+    Ended { layout, last: finished.take_sink().unwrap_or_default() }
+}
+
+impl Ended {
+    /// Difference of the estimate of another run, in the error state of this one.
+    fn moved(&self, other: &Self) -> Vec<f64> {
+        let mut delta = vec![0.0; self.layout.tangent];
+        if let Some(((before, _), (after, _))) = self.last.0.as_ref().zip(other.last.0.as_ref()) {
+            let mut state = before.clone();
+            for block in &self.layout.blocks {
+                if let Some(same) = other.layout.find(&block.name) {
+                    state.values[block.range()].copy_from_slice(&after.values[same.range()]);
+                }
+            }
+            let known = vec![true; self.layout.blocks.len()];
+            self.layout.error(&state, before, &known, &mut delta);
+        }
+        delta
+    }
+
+    /// The table of the changes.
+    fn table(
+        &self,
+        things: &[Thing],
+        moved: &[(usize, Vec<f64>)],
+        interrupted: bool,
+    ) -> Sensitivity {
+        let of = |thing: usize| moved.iter().filter(move |(k, _)| *k == thing);
+        let size =
+            |thing: usize, i: usize| of(thing).map(|(_, d)| d[i].powi(2)).sum::<f64>().sqrt();
+        // a thing that does not fit the scenario on every axis has no size
+        let ran: Vec<usize> =
+            (0..things.len()).filter(|k| of(*k).count() == things[*k].axes.len()).collect();
+        let blocks = self.layout.blocks.iter().filter(|block| block.tangent.is_some());
+        let rows = blocks.flat_map(|block| block.tangent_range().map(move |i| (block, i)));
+        let row = |(block, i): (&Block, usize)| {
+            let display = &block.spec.display;
+            let covariance = self.last.0.as_ref().map(|(_, covariance)| covariance);
+            let sigma = covariance.map_or(0.0, |p| p.get(i, i).max(0.0).sqrt());
+            let moves: Vec<f64> = ran.iter().map(|k| size(*k, i)).collect();
+            Row {
+                state: block.name.clone(),
+                component: display.components[i - block.tangent_range().start],
+                unit: display.unit,
+                exceeds: moves.iter().any(|moved| *moved > sigma),
+                sigma: sigma / display.scale,
+                moves: moves.into_iter().map(|moved| moved / display.scale).collect(),
+            }
+        };
+        let things = ran.iter().map(|k| things[*k].text.clone()).collect();
+        Sensitivity { things, rows: rows.map(row).collect(), interrupted }
+    }
+}
+
+/// The last estimate of a run.
+#[derive(Default)]
+struct Last(Option<(State, Covariance)>);
+
+impl Sink for Last {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
+    }
+
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        if let Record::Epoch(epoch) = record
+            && self.0.as_ref().is_none_or(|(state, _)| state.time <= epoch.state.time)
+        {
+            self.0 = Some((epoch.state.clone(), epoch.covariance.clone()));
+        }
+        Ok(())
+    }
+}
