@@ -43,6 +43,8 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_dead_reckoning::DeadReckoningPlugin)
+        .add(&navfuse_acoustic::AcousticPlugin)
+        .add(&navfuse_terrain::TerrainPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_dvl_files::DvlFilesPlugin)

@@ -262,6 +262,7 @@ fn the_example_of_every_plugin_composes() {
                     "nav.nmea: cannot be opened",
                     "flight.ulg: cannot be opened",
                     "dive: cannot be opened",
+                    "bottom.asc: there is no such file",
                 ];
                 assert!(missing.iter().any(|m| error.to_string().contains(m)), "{error}");
             }

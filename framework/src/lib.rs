@@ -165,6 +165,24 @@ pub use nalgebra;
 pub trait Real: nalgebra::RealField + Copy {}
 impl<T: nalgebra::RealField + Copy> Real for T {}
 
+/// The value of a scalar without its derivative: the place in a table, from which a model continues
+/// with the scalar itself.
+///
+/// ```
+/// use navfuse_core::{Real, number};
+/// use navfuse_core::nalgebra::convert;
+/// /// Linear interpolation between the values of a table with a step of 1.
+/// fn interpolate<T: Real>(table: &[f64], x: T) -> T {
+///     let k = number(x).floor().clamp(0.0, table.len() as f64 - 2.0);
+///     let [a, b] = [table[k as usize], table[k as usize + 1]].map(convert::<f64, T>);
+///     a + (b - a) * (x - convert(k))
+/// }
+/// assert_eq!(interpolate(&[1.0, 3.0, 4.0], 1.5), 3.5);
+/// ```
+pub fn number<T: Real>(x: T) -> f64 {
+    nalgebra::convert_unchecked(x)
+}
+
 /// The example in README.md is compiled with the documentation.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -52,7 +52,7 @@ macro_rules! coordinate {
                 let chart = format!(
                     r#"^\s*[+-]?[0-9.]+\s*(deg|°)(\s*[0-9.]+\s*['′])?(\s*[0-9.]+\s*["″])?\s*[{positive}{negative}]?\s*$"#
                 );
-                let angle = pattern::pattern([0, 0, 0, 2, 0]);
+                let angle = pattern::pattern([0, 0, 0, 2, 0, 0]);
                 json_schema!({
                     "type": "string", "title": $word, "pattern": format!("{angle}|{chart}"),
                     "description": format!("{} as an angle, or as {}", $word, $example),

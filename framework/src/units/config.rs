@@ -24,8 +24,8 @@ pub trait Components:
     fn components(&self) -> Vec<f64>;
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Components
-    for Quantity<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> Components
+    for Quantity<L, M, T, A, K, I>
 {
     fn components(&self) -> Vec<f64> {
         vec![self.si()]
@@ -49,8 +49,8 @@ impl<Q> Triple<Q> {
     }
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
-    Triple<Quantity<L, M, T, A, K>>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>
+    Triple<Quantity<L, M, T, A, K, I>>
 {
     /// The three values in SI.
     pub fn si(&self) -> Vector3<f64> {
@@ -171,8 +171,8 @@ macro_rules! checked {
             }
         }
 
-        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
-            $name<Quantity<L, M, T, A, K>>
+        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>
+            $name<Quantity<L, M, T, A, K, I>>
         {
             /// A value in SI from the program, such as a default; its sign is not checked.
             pub const fn from_si(si: f64) -> Self {
@@ -184,8 +184,8 @@ macro_rules! checked {
             }
         }
 
-        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
-            $name<Triple<Quantity<L, M, T, A, K>>>
+        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>
+            $name<Triple<Quantity<L, M, T, A, K, I>>>
         {
             /// The same value in SI for each axis, from the program; its sign is not checked.
             pub const fn each(si: f64) -> Self {

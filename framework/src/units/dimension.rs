@@ -1,8 +1,8 @@
 //! The names of the dimensions, and the units in which people write them.
 
-/// Exponents of length, mass, time, angle and temperature, counted in halves: `1/sqrt(Hz)` is
-/// `[0, 0, 1, 0, 0]`.
-pub type Exponents = [i8; 5];
+/// Exponents of length, mass, time, angle, temperature and current, counted in halves: `1/sqrt(Hz)` is
+/// `[0, 0, 1, 0, 0, 0]`.
+pub type Exponents = [i8; 6];
 
 /// A dimension that data sheets and scenarios use.
 pub(super) struct Dimension {
@@ -26,27 +26,32 @@ const fn row(
 
 #[rustfmt::skip]
 pub(super) const DIMENSIONS: &[Dimension] = &[
-    row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
-    row([0, 0, 0, 2, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
-    row([0, 0, -2, 2, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),
-    row([0, 0, -1, 2, 0], "an angular rate noise", "0.1 deg/h/sqrt(Hz)", &["deg/h/sqrt(Hz)", "deg/sqrt(h)", "rad/s/sqrt(Hz)"]),
-    row([0, 0, -3, 2, 0], "an angular rate random walk", "0.01 deg/h/sqrt(h)", &["deg/h/sqrt(h)", "deg/h/sqrt(s)", "rad/s/sqrt(s)"]),
-    row([0, 0, -4, 2, 0], "an angular acceleration", "1 deg/s^2", &["deg/s^2", "rad/s^2"]),
-    row([2, 0, 0, 0, 0], "a length", "0.2 m", &["m", "cm", "km"]),
-    row([2, 0, -1, 0, 0], "a length random walk", "1 cm/sqrt(h)", &["cm/sqrt(h)", "m/sqrt(s)"]),
-    row([2, 0, -2, 0, 0], "a speed", "2 cm/s", &["m/s", "cm/s", "kn"]),
-    row([2, 0, -4, 0, 0], "an acceleration", "50 ug", &["m/s^2", "ug", "mg", "g"]),
-    row([2, 0, -3, 0, 0], "an acceleration noise", "10 ug/sqrt(Hz)", &["ug/sqrt(Hz)", "m/s^2/sqrt(Hz)", "m/s/sqrt(h)"]),
-    row([2, 0, -5, 0, 0], "an acceleration random walk", "1 ug/sqrt(h)", &["ug/sqrt(h)", "ug/sqrt(s)", "m/s^2/sqrt(s)"]),
-    row([0, 0, 2, 0, 0], "a time", "10 ms", &["s", "ms", "min", "h", "us", "ns"]),
-    row([0, 0, 1, 0, 0], "a time random walk", "1 ms/sqrt(h)", &["ms/sqrt(h)", "us/sqrt(s)", "s/sqrt(s)"]),
-    row([0, 0, -2, 0, 0], "a frequency", "5 Hz", &["Hz", "kHz"]),
-    row([-2, 2, -4, 0, 0], "a pressure", "0.2 bar", &["Pa", "kPa", "dbar", "bar"]),
-    row([-6, 2, 0, 0, 0], "a density", "1025 kg/m^3", &["kg/m^3"]),
-    row([0, 0, 0, 0, 2], "a temperature difference", "0.1 K", &["K", "mK"]),
-    row([-2, 0, 2, 2, 0], "a g-sensitivity", "1 deg/h/g", &["deg/h/g", "deg/s/g"]),
-    row([-2, 0, 1, 2, 0], "a g-sensitivity random walk", "0.1 deg/h/g/sqrt(h)", &["deg/h/g/sqrt(h)"]),
-    row([0, 0, -1, 0, 0], "a ratio random walk", "10 ppm/sqrt(h)", &["ppm/sqrt(h)", "1/sqrt(s)"]),
+    row([0, 0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
+    row([0, 0, 0, 2, 0, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
+    row([0, 0, -2, 2, 0, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),
+    row([0, 0, -1, 2, 0, 0], "an angular rate noise", "0.1 deg/h/sqrt(Hz)", &["deg/h/sqrt(Hz)", "deg/sqrt(h)", "rad/s/sqrt(Hz)"]),
+    row([0, 0, -3, 2, 0, 0], "an angular rate random walk", "0.01 deg/h/sqrt(h)", &["deg/h/sqrt(h)", "deg/h/sqrt(s)", "rad/s/sqrt(s)"]),
+    row([0, 0, -4, 2, 0, 0], "an angular acceleration", "1 deg/s^2", &["deg/s^2", "rad/s^2"]),
+    row([2, 0, 0, 0, 0, 0], "a length", "0.2 m", &["m", "cm", "km"]),
+    row([2, 0, -1, 0, 0, 0], "a length random walk", "1 cm/sqrt(h)", &["cm/sqrt(h)", "m/sqrt(s)"]),
+    row([2, 0, -2, 0, 0, 0], "a speed", "2 cm/s", &["m/s", "cm/s", "kn"]),
+    row([2, 0, -4, 0, 0, 0], "an acceleration", "50 ug", &["m/s^2", "ug", "mg", "g"]),
+    row([2, 0, -3, 0, 0, 0], "an acceleration noise", "10 ug/sqrt(Hz)", &["ug/sqrt(Hz)", "m/s^2/sqrt(Hz)", "m/s/sqrt(h)"]),
+    row([2, 0, -5, 0, 0, 0], "an acceleration random walk", "1 ug/sqrt(h)", &["ug/sqrt(h)", "ug/sqrt(s)", "m/s^2/sqrt(s)"]),
+    row([0, 0, 2, 0, 0, 0], "a time", "10 ms", &["s", "ms", "min", "h", "us", "ns"]),
+    row([0, 0, 1, 0, 0, 0], "a time random walk", "1 ms/sqrt(h)", &["ms/sqrt(h)", "us/sqrt(s)", "s/sqrt(s)"]),
+    row([0, 0, -2, 0, 0, 0], "a frequency", "5 Hz", &["Hz", "kHz"]),
+    row([-2, 2, -4, 0, 0, 0], "a pressure", "0.2 bar", &["Pa", "kPa", "dbar", "bar"]),
+    row([-6, 2, 0, 0, 0, 0], "a density", "1025 kg/m^3", &["kg/m^3"]),
+    row([0, 0, 0, 0, 2, 0], "a temperature difference", "0.1 K", &["K", "mK"]),
+    row([-2, 2, -5, 0, 0, 0], "a pressure random walk", "1 hPa/sqrt(h)", &["hPa/sqrt(h)", "Pa/sqrt(s)"]),
+    row([0, 0, 0, 0, 0, 2], "an electric current", "2 A", &["A", "mA"]),
+    row([4, 2, -6, 0, 0, -2], "a voltage", "12 V", &["V", "mV"]),
+    row([0, 2, -4, 0, 0, -2], "a magnetic field", "50 uT", &["uT", "nT", "T"]),
+    row([0, 2, -5, 0, 0, -2], "a magnetic field random walk", "10 nT/sqrt(h)", &["nT/sqrt(h)", "T/sqrt(s)"]),
+    row([-2, 0, 2, 2, 0, 0], "a g-sensitivity", "1 deg/h/g", &["deg/h/g", "deg/s/g"]),
+    row([-2, 0, 1, 2, 0, 0], "a g-sensitivity random walk", "0.1 deg/h/g/sqrt(h)", &["deg/h/g/sqrt(h)"]),
+    row([0, 0, -1, 0, 0, 0], "a ratio random walk", "10 ppm/sqrt(h)", &["ppm/sqrt(h)", "1/sqrt(s)"]),
 ];
 
 pub(super) fn find(exponents: Exponents) -> Option<&'static Dimension> {
@@ -87,7 +92,7 @@ pub(super) fn si_unit(exponents: Exponents) -> String {
         h => format!("sqrt({base}^{h})"),
     };
     let powers = |sign: i8| {
-        let bases = ["m", "kg", "s", "rad", "K"].into_iter().zip(exponents);
+        let bases = ["m", "kg", "s", "rad", "K", "A"].into_iter().zip(exponents);
         bases
             .filter(|(_, e)| e.signum() == sign)
             .map(|(b, e)| power(b, e.unsigned_abs()))

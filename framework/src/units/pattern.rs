@@ -31,7 +31,7 @@ enum Form {
 
 /// The regular expression of the quantities of a dimension.
 pub fn pattern(exponents: Exponents) -> String {
-    let ratio = exponents == [0; 5];
+    let ratio = exponents == [0; 6];
     let factors = factors();
     let mut forms = Vec::new();
     for a in factors.iter().filter(|f| matches!(f.form, Form::Plain)) {
@@ -84,7 +84,7 @@ impl Factor {
 
     /// True for the factors that stand below a fraction line: times, rates and lengths.
     fn divides(&self) -> bool {
-        matches!(self.base(), [0, 0, -2 | 2, 0, 0] | [2, 0, 0, 0, 0])
+        matches!(self.base(), [0, 0, -2 | 2, 0, 0, 0] | [2, 0, 0, 0, 0, 0])
     }
 
     fn pattern(&self) -> String {
@@ -115,9 +115,9 @@ mod tests {
 
     #[test]
     fn a_square_or_a_root_in_a_quotient_is_one_of_a_unit_that_divides() {
-        let (time, rate, length) = ([0, 0, 2, 0, 0], [0, 0, -2, 0, 0], [2, 0, 0, 0, 0]);
+        let (time, rate, length) = ([0, 0, 2, 0, 0, 0], [0, 0, -2, 0, 0, 0], [2, 0, 0, 0, 0, 0]);
         let [plain, square, root] = [Form::Plain, Form::Square, Form::Root];
-        for base in [time, rate, length, [0, 2, 0, 0, 0], [2, 0, -2, 0, 0]] {
+        for base in [time, rate, length, [0, 2, 0, 0, 0, 0], [2, 0, -2, 0, 0, 0]] {
             for (form, exponents) in
                 [(plain, base), (square, base.map(|e| 2 * e)), (root, base.map(|e| e / 2))]
             {
@@ -138,24 +138,27 @@ mod tests {
                 assert_eq!(found.ok(), Some(exponents), "{unit} of {names}");
             }
         }
-        assert_eq!(names([2, 0, 0, 0, 0]), "[kcmuµμ]?m|ft|nmi");
+        assert_eq!(names([2, 0, 0, 0, 0, 0]), "[kcmuµμ]?m|ft|nmi");
     }
 
     /// A speed is a length over a time, and an acceleration one over its square; a schema that
     /// lacked these would mark right values.
     #[test]
     fn a_pattern_lists_the_quotients_of_a_dimension_and_no_others() {
-        let (time, length) = (names([0, 0, 2, 0, 0]), names([2, 0, 0, 0, 0]));
+        let (time, length) = (names([0, 0, 2, 0, 0, 0]), names([2, 0, 0, 0, 0, 0]));
         let speed = format!(r"({length})\s*/\s*({time})|");
         let acceleration = format!(r"({length})\s*/\s*({time})\s*(\^\s*2|²)|");
-        for (exponents, form) in [([2, 0, -2, 0, 0], &speed), ([2, 0, -4, 0, 0], &acceleration)] {
+        for (exponents, form) in
+            [([2, 0, -2, 0, 0, 0], &speed), ([2, 0, -4, 0, 0, 0], &acceleration)]
+        {
             let text = pattern(exponents);
             assert!(text.contains(form.as_str()), "{form} in {text}");
         }
-        assert!(!pattern([2, 0, -4, 0, 0]).contains(&speed));
+        assert!(!pattern([2, 0, -4, 0, 0, 0]).contains(&speed));
         // a ratio may have no unit
         assert!(
-            pattern([0; 5]).ends_with(r")?\s*$") && !pattern([2, 0, 0, 0, 0]).ends_with(r")?\s*$")
+            pattern([0; 6]).ends_with(r")?\s*$")
+                && !pattern([2, 0, 0, 0, 0, 0]).ends_with(r")?\s*$")
         );
     }
 }

@@ -34,10 +34,20 @@ pub type Duration = Quantity<0, 0, 2, 0, 0>;
 pub type Frequency = Quantity<0, 0, -2, 0, 0>;
 /// A pressure, Pa.
 pub type Pressure = Quantity<-2, 2, -4, 0, 0>;
+/// Random walk of a pressure, Pa/sqrt(s).
+pub type PressureRandomWalk = Quantity<-2, 2, -5, 0, 0>;
 /// A density, kg/m^3.
 pub type Density = Quantity<-6, 2, 0, 0, 0>;
 /// A difference of temperature, K.
 pub type Temperature = Quantity<0, 0, 0, 0, 2>;
+/// An electric current, A.
+pub type Current = Quantity<0, 0, 0, 0, 0, 2>;
+/// A voltage, V.
+pub type Voltage = Quantity<4, 2, -6, 0, 0, -2>;
+/// A magnetic field (flux density), T.
+pub type MagneticField = Quantity<0, 2, -4, 0, 0, -2>;
+/// Random walk of a magnetic field, T/sqrt(s).
+pub type MagneticFieldRandomWalk = Quantity<0, 2, -5, 0, 0, -2>;
 /// Random walk of a time, s/sqrt(s).
 pub type DurationRandomWalk = Quantity<0, 0, 1, 0, 0>;
 /// Random walk of a ratio, 1/sqrt(s).

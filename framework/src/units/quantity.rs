@@ -17,11 +17,18 @@ use std::str::FromStr;
 /// 1e8 times what 16 digits hold beside a variance of 1.
 pub(super) const LARGEST: f64 = 1e12;
 
-/// A physical quantity in SI. The parameters are the exponents of length, mass, time, angle and
-/// temperature, counted in halves: a speed is `Quantity<2, 0, -2, 0, 0>`, and a quantity in
+/// A physical quantity in SI. The parameters are the exponents of length, mass, time, angle,
+/// temperature and, where there is one, current, counted in halves: a speed is `Quantity<2, 0, -2, 0, 0>`, and a quantity in
 /// m/sqrt(s) is `Quantity<2, 0, -1, 0, 0>`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quantity<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(f64);
+pub struct Quantity<
+    const L: i8,
+    const M: i8,
+    const T: i8,
+    const A: i8,
+    const K: i8,
+    const I: i8 = 0,
+>(f64);
 
 /// Splits `NUMBER UNIT`; `None` where the text does not start with a decimal number.
 pub(super) fn split_number(text: &str) -> Option<(f64, &str)> {
@@ -45,8 +52,10 @@ pub(super) fn split_number(text: &str) -> Option<(f64, &str)> {
     Some((number.parse().ok()?, unit.trim()))
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L, M, T, A, K> {
-    const EXPONENTS: Exponents = [L, M, T, A, K];
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>
+    Quantity<L, M, T, A, K, I>
+{
+    const EXPONENTS: Exponents = [L, M, T, A, K, I];
 
     /// The value in SI.
     pub const fn si(self) -> f64 {
@@ -64,7 +73,7 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L
 
 /// Returns `true` for the exponents of a number without a unit.
 fn ratio(exponents: Exponents) -> bool {
-    exponents == [0; 5]
+    exponents == [0; 6]
 }
 
 /// Value in SI, unless it is infinite or no number.
@@ -143,8 +152,8 @@ fn schema(exponents: Exponents) -> Schema {
     })
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> FromStr
-    for Quantity<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> FromStr
+    for Quantity<L, M, T, A, K, I>
 {
     type Err = UnitError;
 
@@ -153,16 +162,16 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> FromStr
     }
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> fmt::Display
-    for Quantity<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> fmt::Display
+    for Quantity<L, M, T, A, K, I>
 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(&print(self.0, Self::EXPONENTS))
     }
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Serialize
-    for Quantity<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> Serialize
+    for Quantity<L, M, T, A, K, I>
 {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         if !self.0.is_finite() {
@@ -176,8 +185,8 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Serialize
     }
 }
 
-impl<'de, const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Deserialize<'de>
-    for Quantity<L, M, T, A, K>
+impl<'de, const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>
+    Deserialize<'de> for Quantity<L, M, T, A, K, I>
 {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(Written)
@@ -185,12 +194,12 @@ impl<'de, const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Deser
 }
 
 /// Reads a quantity from TOML: a text with a unit, or for a ratio also a number.
-struct Written<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>;
+struct Written<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>;
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Visitor<'_>
-    for Written<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> Visitor<'_>
+    for Written<L, M, T, A, K, I>
 {
-    type Value = Quantity<L, M, T, A, K>;
+    type Value = Quantity<L, M, T, A, K, I>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let exponents = Self::Value::EXPONENTS;
@@ -214,8 +223,8 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Visitor<'_
     }
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> JsonSchema
-    for Quantity<L, M, T, A, K>
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8> JsonSchema
+    for Quantity<L, M, T, A, K, I>
 {
     fn schema_name() -> Cow<'static, str> {
         dimension::title(Self::EXPONENTS).replace(' ', "_").into()

@@ -180,15 +180,15 @@ fn every_row_of_the_dimension_table_is_of_its_dimension() {
 }
 
 /// Serialises, reads back, and compares the bits; the text goes through TOML too.
-fn survives<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(si: f64) {
-    let q = Quantity::<L, M, T, A, K>::from_si(si);
+fn survives<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>(si: f64) {
+    let q = Quantity::<L, M, T, A, K, I>::from_si(si);
     let text = q.to_string();
-    assert_eq!(read::<Quantity<L, M, T, A, K>>(&text).si().to_bits(), si.to_bits(), "{text}");
+    assert_eq!(read::<Quantity<L, M, T, A, K, I>>(&text).si().to_bits(), si.to_bits(), "{text}");
     if si.abs() > LARGEST {
         return; // a scenario cannot have it
     }
     let table = toml::to_string(&BTreeMap::from([("q", q)])).unwrap();
-    let back: BTreeMap<String, Quantity<L, M, T, A, K>> = toml::from_str(&table).unwrap();
+    let back: BTreeMap<String, Quantity<L, M, T, A, K, I>> = toml::from_str(&table).unwrap();
     assert_eq!(back["q"].si().to_bits(), si.to_bits(), "{table}");
 }
 
@@ -199,14 +199,15 @@ proptest! {
     ) {
         let deg_per_hour = parse_unit("deg/h").unwrap().to_si(f64::from(k) / 100.0);
         for si in [any, plain, deg_per_hour, f64::from(k)].into_iter().filter(|x| x.is_finite()) {
-            survives::<0, 0, 0, 0, 0>(si);
-            survives::<0, 0, 0, 2, 0>(si);
-            survives::<0, 0, -2, 2, 0>(si);
-            survives::<0, 0, -1, 2, 0>(si);
-            survives::<2, 0, -2, 0, 0>(si);
-            survives::<2, 0, -4, 0, 0>(si);
-            survives::<-2, 2, -4, 0, 0>(si);
-            survives::<1, -3, 5, 0, -6>(si);
+            survives::<0, 0, 0, 0, 0, 0>(si);
+            survives::<0, 0, 0, 2, 0, 0>(si);
+            survives::<0, 0, -2, 2, 0, 0>(si);
+            survives::<0, 0, -1, 2, 0, 0>(si);
+            survives::<2, 0, -2, 0, 0, 0>(si);
+            survives::<2, 0, -4, 0, 0, 0>(si);
+            survives::<-2, 2, -4, 0, 0, 0>(si);
+            survives::<0, 2, -4, 0, 0, -2>(si);
+            survives::<1, -3, 5, 0, -6, 4>(si);
         }
     }
 
@@ -334,7 +335,17 @@ fn every_unit_has_its_value_in_si_and_its_dimension() {
     for (text, si) in [("1 Pa", 1.0), ("1 hPa", 100.0), ("1 atm", 101_325.0), ("1 psi", psi)] {
         close(read::<Pressure>(text).si(), si);
     }
-    for (text, same) in [("Hz", "1/s"), ("Pa", "kg/m/s^2"), ("kn", "m/s"), ("rpm", "rad/s")] {
+    for (text, si) in [("50 uT", 50e-6), ("3 nT", 3e-9), ("12 V", 12.0), ("20 mA", 0.02)] {
+        let (number, unit) = text.split_once(' ').unwrap();
+        close(parse_unit(unit).unwrap().to_si(number.parse().unwrap()), si);
+    }
+    let electric = [("V", "kg*m^2/s^3/A"), ("T", "V*s/m^2")];
+    for (text, same) in electric.into_iter().chain([
+        ("Hz", "1/s"),
+        ("Pa", "kg/m/s^2"),
+        ("kn", "m/s"),
+        ("rpm", "rad/s"),
+    ]) {
         let dimension = |text| parse_unit(text).unwrap().exponents();
         assert_eq!(dimension(text), dimension(same), "{text}");
     }
@@ -345,14 +356,14 @@ fn the_si_unit_of_a_dimension_has_its_powers_and_reads_back() {
     let unit = |exponents| dimension::si_unit(exponents);
     let powers = ["sqrt(s)", "s", "sqrt(s^3)", "s^2", "sqrt(s^5)", "s^3"];
     for (halves, power) in (1..).zip(powers) {
-        assert_eq!(unit([0, 0, halves, 0, 0]), power);
-        assert_eq!(unit([0, 0, -halves, 0, 0]), format!("1/{power}"));
-        assert_eq!(unit([4, 0, -halves, 2, 0]), format!("m^2*rad/{power}"));
-        for exponents in [[halves, 2, -halves, 0, 4], [-halves, 0, 3, halves, -2]] {
+        assert_eq!(unit([0, 0, halves, 0, 0, 0]), power);
+        assert_eq!(unit([0, 0, -halves, 0, 0, 0]), format!("1/{power}"));
+        assert_eq!(unit([4, 0, -halves, 2, 0, 0]), format!("m^2*rad/{power}"));
+        for exponents in [[halves, 2, -halves, 0, 4, -2], [-halves, 0, 3, halves, -2, halves]] {
             assert_eq!(parse_unit(&unit(exponents)).unwrap().exponents(), exponents);
         }
     }
-    assert_eq!(unit([0; 5]), "1");
+    assert_eq!(unit([0; 6]), "1");
 }
 
 #[test]

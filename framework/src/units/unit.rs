@@ -15,17 +15,20 @@ pub struct Unit {
     exponents: Exponents,
 }
 
-const NONE: Exponents = [0, 0, 0, 0, 0];
-const LENGTH: Exponents = [2, 0, 0, 0, 0];
-const MASS: Exponents = [0, 2, 0, 0, 0];
-const TIME: Exponents = [0, 0, 2, 0, 0];
-const RATE: Exponents = [0, 0, -2, 0, 0];
-const SPEED: Exponents = [2, 0, -2, 0, 0];
-const ACCELERATION: Exponents = [2, 0, -4, 0, 0];
-const PRESSURE: Exponents = [-2, 2, -4, 0, 0];
-const ANGLE: Exponents = [0, 0, 0, 2, 0];
-const ANGULAR_RATE: Exponents = [0, 0, -2, 2, 0];
-const TEMPERATURE: Exponents = [0, 0, 0, 0, 2];
+const NONE: Exponents = [0, 0, 0, 0, 0, 0];
+const LENGTH: Exponents = [2, 0, 0, 0, 0, 0];
+const MASS: Exponents = [0, 2, 0, 0, 0, 0];
+const TIME: Exponents = [0, 0, 2, 0, 0, 0];
+const RATE: Exponents = [0, 0, -2, 0, 0, 0];
+const SPEED: Exponents = [2, 0, -2, 0, 0, 0];
+const ACCELERATION: Exponents = [2, 0, -4, 0, 0, 0];
+const PRESSURE: Exponents = [-2, 2, -4, 0, 0, 0];
+const ANGLE: Exponents = [0, 0, 0, 2, 0, 0];
+const ANGULAR_RATE: Exponents = [0, 0, -2, 2, 0, 0];
+const TEMPERATURE: Exponents = [0, 0, 0, 0, 2, 0];
+const CURRENT: Exponents = [0, 0, 0, 0, 0, 2];
+const VOLTAGE: Exponents = [4, 2, -6, 0, 0, -2];
+const MAGNETIC_FIELD: Exponents = [0, 2, -4, 0, 0, -2];
 
 /// Names, SI value as a fraction, dimension, and the prefixes that the unit takes.
 pub(super) type Row = (&'static [&'static str], f64, f64, Exponents, &'static str);
@@ -58,6 +61,9 @@ pub(super) const UNITS: &[Row] = &[
     (&["atm"], 101_325.0, 1.0, PRESSURE, ""),
     (&["psi"], 6_894.757_293_168_361, 1.0, PRESSURE, ""),
     (&["K"], 1.0, 1.0, TEMPERATURE, "m"),
+    (&["A"], 1.0, 1.0, CURRENT, "mu"),
+    (&["V"], 1.0, 1.0, VOLTAGE, "mu"),
+    (&["T"], 1.0, 1.0, MAGNETIC_FIELD, "mun"),
 ];
 
 /// Prefixes as fractions; the micro sign and the Greek letter mu both count as `u`.

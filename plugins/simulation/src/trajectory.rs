@@ -65,9 +65,9 @@ impl Default for StartConfig {
 }
 
 /// Converts a value to SI, unless its magnitude exceeds the limit.
-fn within<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(
+fn within<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8, const I: i8>(
     key: &'static str,
-    value: Quantity<L, M, T, A, K>,
+    value: Quantity<L, M, T, A, K, I>,
     limit: f64,
     written: &'static str,
 ) -> Result<f64, TrajectoryError> {

@@ -19,6 +19,8 @@ pub fn registry() -> Registry {
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_dead_reckoning::DeadReckoningPlugin)
+        .add(&navfuse_acoustic::AcousticPlugin)
+        .add(&navfuse_terrain::TerrainPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     registry
 }

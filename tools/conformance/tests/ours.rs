@@ -73,6 +73,7 @@ fn the_dvl_conforms() -> Result<(), Failed> {
         scale = { sigma = "1 %" }
         misalignment = { sigma = "0.5 deg" }
         lever_arm = ["0.3 m", "0 m", "0.2 m"]
+        sound_speed = { set = "1500 m/s", array = "phased", water = { temperature = 8 } }
         simulation = { rate = "2 Hz" }
         "#,
     )
@@ -147,6 +148,29 @@ fn the_odometer_conforms() -> Result<(), Failed> {
 }
 
 #[test]
+fn the_speed_log_conforms() -> Result<(), Failed> {
+    check(
+        &[&navfuse_odometer::OdometerPlugin, &navfuse_doppler::DvlPlugin],
+        &scenario(
+            r#"
+        [process.water]
+        type = "water-current"
+        current = { sigma = ["20 cm/s", "20 cm/s", "1 cm/s"] }
+        [sensor.speed-log]
+        noise = "5 cm/s"
+        current = "water"
+        lateral = true
+        scale = { sigma = "1 %" }
+        bias = { sigma = "2 cm/s" }
+        yaw = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["-1 m", "0 m", "0.5 m"], sigma = "10 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+        ),
+    )
+}
+
+#[test]
 fn relative_poses_conform() -> Result<(), Failed> {
     conforms(
         &navfuse_relative_pose::RelativePosePlugin,
@@ -199,12 +223,73 @@ fn the_heading_sensors_conform() -> Result<(), Failed> {
         azimuth = { initial = "30 deg", sigma = "0.5 deg" }
         elevation = { sigma = "0.5 deg" }
         simulation = { rate = "1 Hz" }
+        [sensor.magnetometer]
+        noise = "0.2 uT"
+        field = { strength = "46 uT", inclination = "60 deg", declination = { initial = "2 deg", sigma = "0.3 deg" } }
+        hard_iron = { sigma = "2 uT" }
+        scale = { sigma = "1 %" }
+        soft_iron = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        simulation = { rate = "2 Hz" }
+        [sensor.inclinometer]
+        noise = "0.2 deg"
+        roll_bias = { sigma = "0.5 deg" }
+        pitch_bias = { sigma = "0.5 deg", correlation_time = "10 min" }
+        simulation = { rate = "2 Hz" }
         "#,
     )
 }
 
-/// The vehicle has no IMU: the AHRS drives its motion. A simulated motion is smoother than the white
-/// acceleration of the process, so that the innovations of the DVL, and they alone, are too small.
+#[test]
+fn acoustic_positioning_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_acoustic::AcousticPlugin,
+        r#"
+        [process.water]
+        type = "sound-speed"
+        ratio = { sigma = "0.2 %", correlation_time = "1 h" }
+        [sensor.usbl]
+        range_noise = "20 cm"
+        angle_noise = "0.2 deg"
+        ship_noise = "30 cm"
+        misalignment = { sigma = "0.5 deg" }
+        transceiver = { initial = ["5 m", "1 m", "4 m"], sigma = "10 cm" }
+        lever_arm = { initial = ["-0.4 m", "0 m", "-0.3 m"], sigma = "5 cm" }
+        sound = "water"
+        polar = true
+        simulation = { rate = "1 Hz", latitude = "43.001 deg", speed = "1 m/s", heading = "30 deg", swell = "3 deg" }
+        [sensor.beacon]
+        type = "acoustic-range"
+        noise = "30 cm"
+        transponder = { latitude = "43.002 deg", longitude = "0.001 deg", height = "-60 m" }
+        displacement = { sigma = "1 m" }
+        lever_arm = { sigma = "5 cm" }
+        sound = "water"
+        simulation = { rate = "1 Hz", reach = "1 km" }
+        "#,
+    )
+}
+
+/// The shipped map lies around 43 deg N and 5 deg E.
+#[test]
+fn terrain_conforms() -> Result<(), Failed> {
+    let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/survey-bottom.asc");
+    let sensor = format!(
+        r#"
+        [sensor.terrain]
+        map = {map:?}
+        noise = "20 cm"
+        map_noise = "20 cm"
+        shift = {{ sigma = ["1 m", "1 m", "0.5 m"] }}
+        lever_arm = {{ initial = ["0.4 m", "0 m", "0.3 m"], sigma = "5 cm" }}
+        beam = [1, 0, 2]
+        simulation = {{ rate = "2 Hz" }}
+        "#
+    );
+    let scenario = scenario(&sensor).replace("heading =", "longitude = \"5 deg\", heading =");
+    check(&[&navfuse_terrain::TerrainPlugin], &scenario)
+}
+
 #[test]
 fn the_ahrs_and_its_dead_reckoning_conform_but_for_the_smooth_motion() {
     let failed = check(
@@ -253,6 +338,12 @@ fn the_depth_sensor_conforms() -> Result<(), Failed> {
         [sensor.depth]
         noise = "5 cm"
         bias = { sigma = "20 cm", correlation_time = "10 min" }
+        lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        simulation = { rate = "2 Hz" }
+        [sensor.pressure]
+        noise = "5 mbar"
+        atmosphere = { sigma = "20 mbar", correlation_time = "10 min" }
+        density = { sigma = "0.2 %" }
         lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
         simulation = { rate = "2 Hz" }
         "#,

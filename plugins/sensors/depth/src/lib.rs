@@ -1,8 +1,16 @@
-//! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever
-//! arm.
+//! Sensors of the depth.
 //!
+//! - [`Depth`]: the depth of its port below the reference surface of heights, with scale factor, bias and
+//!   lever arm.
+//! - [`PressureSensor`]: the pressure at its port, from which the depth follows by latitude and density.
+//!
+//! The equation of the first is
 //! `z = k (-h + e_D . C_b^n l) + b` (Groves section 6.2.2, for a sensor that already converts pressure
 //! to depth). The scale factor `k` is the true density of the water over the assumed one.
+
+mod pressure;
+
+pub use pressure::PressureSensor;
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -116,13 +124,14 @@ impl MeasurementModel<1> for DepthModel {
     }
 }
 
-/// Registers the sensor type `depth`.
+/// Registers the sensor types `depth` and `pressure`.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthPlugin;
 
 impl Plugin for DepthPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Depth>();
+        registry.sensor::<PressureSensor>();
     }
 
     navfuse_core::named_after_crate!();

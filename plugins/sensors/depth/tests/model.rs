@@ -1,4 +1,4 @@
-//! The equation of a depth sensor: its port, its sign, and what a sample may be.
+//! The equations of depth and pressure: the port, the sign, and what a sample may be.
 #![allow(clippy::expect_used, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_core::nalgebra::{Rotation3, Vector3};
@@ -22,6 +22,13 @@ const SCENARIO: &str = r#"
     [sensor.depth]
     noise = "5 cm"
     bias = { sigma = "1 m" }
+    lever_arm = { sigma = "20 cm" }
+
+    [sensor.pressure]
+    noise = "10 mbar"
+    atmosphere = { sigma = "20 mbar" }
+    density = { sigma = "0.2 %" }
+    surface = "20 m"
     lever_arm = { sigma = "20 cm" }
 
     [sensor.reference]
@@ -87,4 +94,19 @@ fn a_depth_that_no_sea_has_is_refused() {
     assert_eq!(sensor.info.channels.iter().map(|c| c.column()).collect::<Vec<_>>(), ["depth_m"]);
     let [(0, limit)] = sensor.limits.as_slice() else { unreachable!("{:?}", sensor.limits) };
     assert!((-1e3..-10.0).contains(&limit.low) && (10_950.0..2e4).contains(&limit.high));
+}
+
+/// 7321.45 m below a surface 20 m above the ellipsoid, at 30 deg of latitude, where Saunders has 7500
+/// dbar; with 1 % more density and 1000 hPa of air, 7575 dbar and 10 dbar.
+#[test]
+fn a_pressure_is_that_of_the_water_and_of_the_air() {
+    let position = [30_f64.to_radians(), 0.2, 20.0 - 7321.45];
+    let mut bench = ModelBench::new(SCENARIO, &[], "pressure", &[("ins.position", &position)]);
+    // the check value has 0.01 m
+    assert!((bench.predict()[0] - (75e6 + 101_325.0)).abs() < 100.0, "{:?}", bench.predict());
+    bench.set("pressure.density", &[1.01]);
+    bench.set("pressure.atmosphere", &[1e5]);
+    assert!((bench.predict()[0] - 75.85e6).abs() < 100.0, "{:?}", bench.predict());
+    let error = bench.jacobian_error();
+    assert!(error < 1e-6, "{error}");
 }

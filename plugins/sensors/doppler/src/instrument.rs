@@ -8,6 +8,7 @@ use navfuse_core::model::sensor::measurement::Jacobian;
 use navfuse_core::model::sensor::mounting;
 use navfuse_core::nalgebra::{SMatrix, Vector3};
 use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
 use navfuse_core::state::{Display, Handle, View};
 use navfuse_core::units::{AccelerationNoise, Speed, Triple};
@@ -137,9 +138,9 @@ impl Instrument {
         mounting::Mounting::at(self.lever_arm).turned(self.c_b_d)
     }
 
-    /// Computes the height of the instrument above the ellipsoid, m.
-    pub fn height(&self, x: &View<'_, f64>) -> f64 {
-        self.navigation.position_at(x, &x.get(self.lever_arm)).height
+    /// Computes the place of the instrument.
+    pub fn place<T: Real>(&self, x: &View<'_, T>) -> Geodetic<T> {
+        self.navigation.position_at(x, &x.get(self.lever_arm))
     }
 
     /// Computes the velocity in the instrument's axes as the instrument reads it, m/s:

@@ -29,6 +29,10 @@ macro_rules! doppler_sensor {
             /// Current of the water, with track = "water": the name of a `[process.NAME]` of type
             /// water-current.
             pub current: Option<String>,
+            /// Speed of sound that the instrument is set to, and the true one. With it there is one
+            /// more channel, `sound_speed`: the true one at the transducer. Default: the true one is
+            /// the one that is set.
+            pub sound_speed: Option<SoundSpeed>,
             /// Adds the channel `altitude`: height of the instrument above the bottom, m. The
             /// filter does not use it; the viewer draws the beams down to the bottom.
             #[serde(default)]

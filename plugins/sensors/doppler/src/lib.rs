@@ -17,7 +17,7 @@ mod laser;
 mod water;
 
 pub use beam::{Beam, PerBeam};
-pub use dvl::{Array, Dvl, DvlBeams, DvlBeamsModel, DvlModel};
+pub use dvl::{Array, Dvl, DvlBeams, DvlBeamsModel, DvlModel, SoundSpeed};
 pub use instrument::TrackingMode;
 pub use laser::{LaserDoppler, LaserDopplerModel};
 pub use water::WaterCurrent;

@@ -1,19 +1,25 @@
-//! Heading sensors.
+//! Sensors of the attitude.
 //!
 //! - [`MagneticHeading`]: a compass, with the declination of the place and its own deviation.
 //! - [`DualAntenna`]: heading and elevation of the baseline between two GNSS antennas, with the
 //!   mounting of the baseline.
+//! - [`Magnetometer`]: the field of the Earth on three axes, with the iron of the vehicle.
+//! - [`Inclinometer`]: roll and pitch.
 
 mod dual_antenna;
+mod inclinometer;
 mod magnetic;
+mod magnetometer;
 
 pub use dual_antenna::DualAntenna;
+pub use inclinometer::Inclinometer;
 pub use magnetic::MagneticHeading;
+pub use magnetometer::{Field, Magnetometer};
 
 use navfuse_core::plugin::{Need, Plugin, Registry};
 use std::f64::consts::TAU;
 
-/// Registers the sensor types `magnetic-heading` and `dual-antenna`.
+/// Registers the sensor types `magnetic-heading`, `dual-antenna`, `magnetometer` and `inclinometer`.
 #[derive(Clone, Copy, Debug)]
 pub struct HeadingPlugin;
 
@@ -21,6 +27,8 @@ impl Plugin for HeadingPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<MagneticHeading>();
         registry.sensor::<DualAntenna>();
+        registry.sensor::<Magnetometer>();
+        registry.sensor::<Inclinometer>();
     }
 
     navfuse_core::named_after_crate!();

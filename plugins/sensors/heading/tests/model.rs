@@ -135,3 +135,93 @@ fn a_heading_with_a_correlated_error_differs_the_short_way_round_too() {
     let off = compass.model.difference(0, -179_f64.to_radians(), 179_f64.to_radians());
     close(&[off.to_degrees()], &[2.0]);
 }
+
+/// The field of the Earth and the vertical.
+mod field {
+    use navfuse_core::nalgebra::Vector3;
+    use navfuse_testing::ModelBench;
+
+    const SCENARIO: &str = r#"
+        [process.ins]
+        attitude = { sigma = "1 deg" }
+        velocity = { sigma = "1 m/s" }
+        position = { sigma = "1 m" }
+        gyro_bias = { sigma = "0.1 deg/h" }
+        accel_bias = { sigma = "50 ug" }
+
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "20 ug/sqrt(Hz)"
+        simulation = { rate = "50 Hz" }
+
+        [sensor.magnetometer]
+        noise = "0.2 uT"
+        field = { strength = "50 uT", inclination = "60 deg", declination = { sigma = "0.5 deg" } }
+        hard_iron = { sigma = "5 uT" }
+        scale = { sigma = "2 %" }
+        soft_iron = { sigma = "2 %" }
+        misalignment = { sigma = "1 deg" }
+
+        [sensor.inclinometer]
+        noise = "0.1 deg"
+        roll_bias = { sigma = "0.3 deg" }
+        pitch_bias = { sigma = "0.3 deg" }
+
+        [sensor.reference]
+        simulation = { rate = "1 Hz" }
+
+        [source.simulation]
+        start = { speed = "1 m/s" }
+        segments = [{ type = "cruise", duration = "1 s" }]
+    "#;
+
+    fn bench(sensor: &str, degrees: [f64; 3]) -> ModelBench {
+        let attitude = degrees.map(f64::to_radians);
+        ModelBench::new(SCENARIO, &[], sensor, &[("ins.attitude", &attitude)])
+    }
+
+    /// 25 uT to magnetic north and 43.301 uT down. A vehicle that heads east of magnetic north by 90 deg has
+    /// the north on its left; one that is upside down has the field above it.
+    #[test]
+    fn a_magnetometer_sees_the_field_from_its_vehicle() {
+        for (attitude, declination, expected) in [
+            ([0.0, 0.0, 0.0], 0.0, [25.0, 0.0, 43.3013]),
+            ([0.0, 0.0, 90.0], 0.0, [0.0, -25.0, 43.3013]),
+            ([0.0, 0.0, 100.0], 10.0, [0.0, -25.0, 43.3013]),
+            ([180.0, 0.0, 0.0], 0.0, [25.0, 0.0, -43.3013]),
+            ([0.0, 90.0, 0.0], 0.0, [-43.3013, 0.0, 25.0_f64]),
+        ] {
+            let mut bench = bench("magnetometer", attitude);
+            bench.set("magnetometer.declination", &[f64::to_radians(declination)]);
+            let found = Vector3::from_vec(bench.predict()) * 1e6;
+            assert!((found - Vector3::from(expected)).norm() < 1e-4, "{attitude:?}: {found}");
+        }
+    }
+
+    /// `(I + S) m + h` with `S` of 1, 2, 3 % on and -1, 0.5, 4 % off the diagonal:
+    /// x: 1.01 * 25 - 0.01 * 0 + 0.005 * 43.3013 + 3, and so on.
+    #[test]
+    fn iron_scales_mixes_and_shifts_the_axes() {
+        let mut bench = bench("magnetometer", [0.0; 3]);
+        bench.set("magnetometer.scale", &[1.01, 1.02, 1.03]);
+        bench.set("magnetometer.soft_iron", &[-0.01, 0.005, 0.04]);
+        bench.set("magnetometer.hard_iron", &[3e-6, -2e-6, 1e-6]);
+        let found = Vector3::from_vec(bench.predict()) * 1e6;
+        let expected = Vector3::new(28.466_506, -0.517_949, 45.725_308);
+        assert!((found - expected).norm() < 1e-4, "{found}");
+        let error = bench.jacobian_error();
+        assert!(error < 1e-6, "{error}");
+    }
+
+    #[test]
+    fn an_inclinometer_shows_roll_and_pitch_with_their_biases() {
+        let mut bench = bench("inclinometer", [-20.0, 35.0, 200.0]);
+        bench.set("inclinometer.roll_bias", &[0.01]);
+        bench.set("inclinometer.pitch_bias", &[-0.02]);
+        let expected = [-20_f64.to_radians() + 0.01, 35_f64.to_radians() - 0.02];
+        let found = bench.predict();
+        assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-12), "{found:?}");
+        let error = bench.jacobian_error();
+        assert!(error < 1e-6, "{error}");
+    }
+}

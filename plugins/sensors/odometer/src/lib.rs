@@ -3,6 +3,12 @@
 //! Hu & Hu 2009; Dissanayake et al. 2001).
 //!
 //! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)`, where a real wheel has `z = [speed, 0, 0]`.
+//!
+//! [`SpeedLog`] measures the speed through the water in the same way.
+
+mod water;
+
+pub use water::SpeedLog;
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -133,13 +139,14 @@ impl MeasurementModel<3> for OdometerModel {
     }
 }
 
-/// Registers the sensor type `odometer`.
+/// Registers the sensor types `odometer` and `speed-log`.
 #[derive(Clone, Copy, Debug)]
 pub struct OdometerPlugin;
 
 impl Plugin for OdometerPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Odometer>();
+        registry.sensor::<SpeedLog>();
     }
 
     navfuse_core::named_after_crate!();

@@ -180,3 +180,41 @@ fn acceleration_tells_scale_and_mounting_and_turning_tells_the_lever_arm() {
     found(slope, &[(0, 0.0036), (1, 0.25), (3, 0.43), (5, 0.43)]);
     kept(slope, &[4]);
 }
+
+/// A log of two axes, 1 deg to the right, with a scale factor of 2 % and a zero of 3 cm/s.
+const LOG: &str = r#"
+    [process.water]
+    type = "water-current"
+    current = { sigma = "20 cm/s" }
+
+    [sensor.log]
+    type = "speed-log"
+    noise = "2 cm/s"
+    current = "water"
+    lateral = true
+    scale = { initial = 1.02, sigma = "2 %" }
+    bias = { initial = "3 cm/s", sigma = "2 cm/s" }
+    yaw = { initial = "1 deg", sigma = "1 deg" }
+    lever_arm = { sigma = "20 cm" }
+"#;
+
+/// A vehicle that heads east at 2 m/s over the ground, in a current of 0.5 m/s to the south-west, moves
+/// through the water at 2.353553 m/s to the east and 0.353553 m/s to the north, which is its left.
+#[test]
+fn a_speed_log_shows_the_motion_through_the_water() {
+    let blocks: [(&str, &[f64]); 3] = [
+        ("ins.attitude", &[0.0, 0.0, std::f64::consts::FRAC_PI_2]),
+        ("ins.velocity", &[0.0, 2.0, 0.0]),
+        ("water.current", &[-0.353_553, -0.353_553, 0.0]),
+    ];
+    let bench = ModelBench::new(&format!("{SCENARIO}{LOG}"), &[], "log", &blocks);
+    let (sin, cos) = 1_f64.to_radians().sin_cos();
+    let (forward, right) = (2.353_553, -0.353_553);
+    let expected = [forward * cos + right * sin, right * cos - forward * sin];
+    let found = bench.predict();
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - (1.02 * expected + 0.03)).abs() < 1e-9, "{found:?}");
+    }
+    let error = bench.jacobian_error();
+    assert!(error < 1e-6, "{error}");
+}

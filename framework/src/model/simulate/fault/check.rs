@@ -11,8 +11,8 @@ use crate::units::{AnyQuantity, Exponents, Unit, parse_unit};
 use std::f64::consts::TAU;
 
 /// Exponents of a ratio and of a time, in halves.
-const RATIO: Exponents = [0, 0, 0, 0, 0];
-const TIME: Exponents = [0, 0, 2, 0, 0];
+const RATIO: Exponents = [0, 0, 0, 0, 0, 0];
+const TIME: Exponents = [0, 0, 2, 0, 0, 0];
 
 /// A fault that is being checked.
 pub(super) struct Check<'a> {

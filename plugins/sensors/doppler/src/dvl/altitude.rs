@@ -39,7 +39,7 @@ impl Altitude {
     /// Sets the channel of a simulated sample, unless the instrument is below the bottom.
     pub fn simulate(&self, instrument: &Instrument, scene: &Scene<'_>, sample: &mut Sample) {
         let Some(bottom) = self.bottom else { return };
-        let height = instrument.height(&View::new(scene.layout, scene.truth)) - bottom;
+        let height = instrument.place(&View::new(scene.layout, scene.truth)).height - bottom;
         if height > 0.0 {
             sample.set(self.channel, height);
         }

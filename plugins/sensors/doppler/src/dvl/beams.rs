@@ -2,7 +2,7 @@
 
 use super::altitude::{self, Altitude};
 use super::geometry::{FASTEST, MAX_BEAMS, count, directions};
-use super::sound::{Array, gains};
+use super::sound::{Sound, SoundSpeed};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;
@@ -17,7 +17,7 @@ use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::View;
 use navfuse_core::units::sample::{Channel, Sample};
-use navfuse_core::units::{Angle, Positive, Ratio, Sigma, Speed};
+use navfuse_core::units::{Angle, Ratio, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::array;
@@ -40,16 +40,6 @@ doppler_sensor! {
         /// Direction of each beam in the instrument's axes [forward, right, down], of any length,
         /// in place of slant and azimuth.
         pub beams: Option<Vec<[f64; 3]>>,
-        /// Speed of sound that the instrument was set to. With it there is one more channel,
-        /// `sound_speed`: the true one at the transducer. For a sample without that channel, both
-        /// are taken to be equal.
-        pub assumed_sound_speed: Option<Positive<Speed>>,
-        /// Construction of the transducer: `piston` (default) or `phased`, whose horizontal
-        /// velocity is independent of the speed of sound. The beams of a phased array are given as
-        /// they are at the assumed speed of sound.
-        pub array: Option<Array>,
-        /// Simulation: true speed of sound. Default: the assumed one.
-        pub simulated_sound_speed: Option<Positive<Speed>>,
         /// Simulation: probability that a beam is lost, independently of the others.
         #[serde(default = "none")]
         pub beam_dropout: Sigma<Ratio>,
@@ -66,9 +56,9 @@ impl SensorType for DvlBeams {
     fn channels(&self) -> Vec<Channel> {
         let names: [&str; MAX_BEAMS] = ["beam_1", "beam_2", "beam_3", "beam_4", "beam_5"];
         let beams = names.into_iter().take(count(self.azimuth.as_deref(), self.beams.as_deref()));
-        let sound = self.assumed_sound_speed.map(|_| "sound_speed");
-        let speeds = beams.chain(sound).map(|name| Channel::new(name, "mps"));
-        speeds.chain(self.altitude.then(altitude::channel)).collect()
+        let beams = beams.map(|name| Channel::new(name, "mps"));
+        let sound = self.sound_speed.as_ref().map(|_| SoundSpeed::channel());
+        beams.chain(sound).chain(self.altitude.then(altitude::channel)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {
@@ -95,57 +85,23 @@ impl DvlBeams {
         beams: &[Vector3<f64>; N],
         composer: &mut Composer,
     ) -> Result<Role, ComposeError> {
-        let array = self.array.unwrap_or_default();
         let instrument = self.instrument(composer)?;
-        let channel = N + usize::from(self.assumed_sound_speed.is_some());
+        let channel = N + usize::from(self.sound_speed.is_some());
         let altitude = Altitude::new(self.altitude, self.simulated_bottom, channel)?;
         let drawn = altitude::drawn(beams, true, altitude.as_ref());
         composer.mounted(instrument.mounting().with_beams(drawn));
+        let sound = self.sound_speed.as_ref().map(|sound| sound.build(composer, beams, N));
+        let sound = sound.transpose()?;
         Ok(Role::measurement(DvlBeamsModel {
             instrument,
             beams: *beams,
-            sound: self.sound(array, beams)?,
+            sound,
             altitude,
             sigma: self.noise.value().si(),
             relative: self.relative_noise.value().si(),
             dropout: self.beam_dropout.value().si(),
         }))
     }
-
-    fn sound(&self, array: Array, beams: &[Vector3<f64>]) -> Result<Option<Sound>, ComposeError> {
-        let Some(set) = self.assumed_sound_speed else {
-            let given = [
-                ("array", self.array.is_some()),
-                ("simulated_sound_speed", self.simulated_sound_speed.is_some()),
-            ];
-            return match given.iter().find(|(_, given)| *given) {
-                Some((key, _)) => Err(ComposeError::new(
-                    *key,
-                    "has no effect without `assumed_sound_speed`; add that",
-                )),
-                None => Ok(None),
-            };
-        };
-        if array == Array::Phased && beams.iter().any(|b| b.z == 0.0) {
-            let message = "a phased array normal to the down axis has no beam across that axis; \
-                           give other `beams`";
-            return Err(ComposeError::new("array", message));
-        }
-        let set = set.value().si();
-        Ok(Some(Sound {
-            array,
-            set,
-            simulated: self.simulated_sound_speed.map_or(set, |c| c.value().si()),
-        }))
-    }
-}
-
-/// The speed of sound, m/s.
-#[derive(Clone, Copy, Debug)]
-struct Sound {
-    array: Array,
-    set: f64,
-    simulated: f64,
 }
 
 /// The measurement model of [`DvlBeams`] of `N` beams.
@@ -163,21 +119,25 @@ pub struct DvlBeamsModel<const N: usize> {
 }
 
 impl<const N: usize> DvlBeamsModel<N> {
+    /// True speed of sound, where the sample or the water column has it.
+    fn sound<T: Real>(&self, x: &View<'_, T>) -> Option<T> {
+        self.sound.as_ref()?.speed(&self.instrument, x)
+    }
+
     /// Direction of a beam, with the gains that a true speed of sound gives it.
-    fn beam(&self, i: usize, sound: Option<f64>) -> Vector3<f64> {
-        let mut beam = self.beams[i];
-        if let Some((sound, c)) = self.sound.zip(sound) {
-            let (across, along) = gains(sound.array, &beam, sound.set, c);
-            beam.component_mul_assign(&Vector3::new(across, across, along));
+    fn beam<T: Real>(&self, i: usize, c: Option<T>) -> Vector3<T> {
+        let beam = self.beams[i].map(convert::<f64, T>);
+        match self.sound.as_ref().zip(c) {
+            Some((sound, c)) => beam.component_mul(&sound.gains(&self.beams[i], c)),
+            None => beam,
         }
-        beam
     }
 }
 
 impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N> {
-        let (v, sound) = (self.instrument.velocity(x), x.channel(N));
-        SVector::from_fn(|i, _| self.beam(i, sound).map(convert::<f64, T>).dot(&v))
+        let (v, sound) = (self.instrument.velocity(x), self.sound(x));
+        SVector::from_fn(|i, _| self.beam(i, sound).dot(&v))
     }
 
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N> {
@@ -189,15 +149,18 @@ impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
     }
 
     fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, N>) -> bool {
-        let sound = x.channel(N);
+        if self.sound.as_ref().is_some_and(|sound| sound.follows_state(x)) {
+            return false;
+        }
+        let sound = self.sound(x);
         let beams = array::from_fn(|i| self.beam(i, sound));
         self.instrument.differentiate(x, &beams, h);
         true
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
-        if let Some(sound) = self.sound {
-            sample.set(N, sound.simulated);
+        if let Some(sound) = &self.sound {
+            sound.simulate(sample);
         }
         if let Some(altitude) = &self.altitude {
             altitude.simulate(&self.instrument, scene, sample);

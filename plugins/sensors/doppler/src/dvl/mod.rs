@@ -7,5 +7,5 @@ mod sound;
 mod velocity;
 
 pub use beams::{DvlBeams, DvlBeamsModel};
-pub use sound::Array;
+pub use sound::{Array, SoundSpeed};
 pub use velocity::{Dvl, DvlModel};

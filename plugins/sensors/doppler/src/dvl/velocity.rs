@@ -2,6 +2,7 @@
 
 use super::altitude::{self, Altitude};
 use super::geometry::{FASTEST, directions};
+use super::sound::{Sound, SoundSpeed};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;
@@ -37,7 +38,8 @@ impl SensorType for Dvl {
 
     fn channels(&self) -> Vec<Channel> {
         let axes = ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps"));
-        axes.into_iter().chain(self.altitude.then(altitude::channel)).collect()
+        let sound = self.sound_speed.as_ref().map(|_| SoundSpeed::channel());
+        axes.into_iter().chain(sound).chain(self.altitude.then(altitude::channel)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {
@@ -46,14 +48,17 @@ impl SensorType for Dvl {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let instrument = self.instrument(composer)?;
-        let altitude = Altitude::new(self.altitude, self.simulated_bottom, 3)?;
+        let channel = 3 + usize::from(self.sound_speed.is_some());
+        let altitude = Altitude::new(self.altitude, self.simulated_bottom, channel)?;
         // the usual four beams: the instrument does not give its own
         let beams = directions(None, None, None)?;
+        let sound = self.sound_speed.as_ref().map(|sound| sound.build(composer, &beams, 3));
+        let (sound, beam) = (sound.transpose()?, beams[0]);
         let beams = altitude::drawn(&beams, false, altitude.as_ref());
         composer.mounted(instrument.mounting().with_beams(beams));
         let sigma = self.noise.value().si();
         let relative = self.relative_noise.map(|share| share.value().si());
-        Ok(Role::measurement(DvlModel { instrument, sigma, relative, altitude }))
+        Ok(Role::measurement(DvlModel { instrument, sigma, relative, sound, beam, altitude }))
     }
 }
 
@@ -64,12 +69,27 @@ pub struct DvlModel {
     sigma: Vector3<f64>,
     /// Noise as a share of the speed.
     relative: Option<Vector3<f64>>,
+    sound: Option<Sound>,
+    /// A beam, with the slant of all.
+    beam: Vector3<f64>,
     altitude: Option<Altitude>,
+}
+
+impl DvlModel {
+    /// Gains of the three axes by the speed of sound, where it is known.
+    fn gains<T: Real>(&self, x: &View<'_, T>) -> Option<Vector3<T>> {
+        let sound = self.sound.as_ref()?;
+        Some(sound.gains(&self.beam, sound.speed(&self.instrument, x)?))
+    }
 }
 
 impl MeasurementModel<3> for DvlModel {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
-        self.instrument.velocity(x)
+        let velocity = self.instrument.velocity(x);
+        match self.gains(x) {
+            Some(gains) => velocity.component_mul(&gains),
+            None => velocity,
+        }
     }
 
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
@@ -82,12 +102,19 @@ impl MeasurementModel<3> for DvlModel {
     }
 
     fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 3>) -> bool {
-        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        if self.sound.as_ref().is_some_and(|sound| sound.follows_state(x)) {
+            return false;
+        }
+        let gains = self.gains(x).unwrap_or_else(|| Vector3::repeat(1.0));
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| e.component_mul(&gains));
         self.instrument.differentiate(x, &axes, h);
         true
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        if let Some(sound) = &self.sound {
+            sound.simulate(sample);
+        }
         if let Some(altitude) = &self.altitude {
             altitude.simulate(&self.instrument, scene, sample);
         }

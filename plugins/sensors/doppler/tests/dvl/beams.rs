@@ -120,7 +120,8 @@ const BIAS: &str = "sensor.dvl.bias={ sigma = \"1 cm/s\" }";
 
 #[test]
 fn the_jacobian_is_the_derivative() {
-    let sound = ["sensor.dvl.assumed_sound_speed=\"1500 m/s\"", "sensor.dvl.array=\"phased\""];
+    let sound =
+        ["sensor.dvl.sound_speed.set=\"1500 m/s\"", "sensor.dvl.sound_speed.array=\"phased\""];
     let water = "[process.water]\ntype = \"water-current\"\ncurrent = { sigma = \"1 m/s\" }\n";
     let tracks = ["sensor.dvl.track=\"water\"", "sensor.dvl.current=\"water\""];
     let composition =
@@ -258,7 +259,7 @@ fn lost_beams_are_left_out_and_those_that_remain_fit() {
 fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_array() {
     let aligned =
         ["sensor.dvl.scale=1", "sensor.dvl.misalignment=\"0 deg\"", "sensor.dvl.lever_arm=\"0 m\""];
-    let assumed = "sensor.dvl.assumed_sound_speed=\"1500 m/s\"";
+    let assumed = "sensor.dvl.sound_speed.set=\"1500 m/s\"";
     let of = |array: &str, c: Option<f64>| {
         let composition = compose(SCENARIO, &[aligned[0], aligned[1], aligned[2], assumed, array]);
         let mut state = composition.layout.initial_state();
@@ -271,9 +272,10 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
     let (b, v) = (janus(), Vector3::new(2.0, 0.5, -0.8));
     let solve: Matrix3x4<f64> = (b.transpose() * b).try_inverse().unwrap() * b.transpose();
     for c in [1440.0, 1500.0, 1560.0] {
-        let piston = of("sensor.dvl.array=\"piston\"", Some(c));
+        let piston = of("sensor.dvl.sound_speed.array=\"piston\"", Some(c));
         assert!((piston - b * v * (1500.0 / c)).amax() < 1e-14, "{c}");
-        let (sin, phased) = (0.5 * c / 1500.0, of("sensor.dvl.array=\"phased\"", Some(c)));
+        let (sin, phased) =
+            (0.5 * c / 1500.0, of("sensor.dvl.sound_speed.array=\"phased\"", Some(c)));
         for (i, azimuth) in [45_f64, 135.0, 225.0, 315.0].into_iter().enumerate() {
             let (s, k) = azimuth.to_radians().sin_cos();
             let steered = Vector3::new(sin * k, sin * s, (1.0 - sin * sin).sqrt());
@@ -285,8 +287,14 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
     // Pathfinder DVL Guide (2018), page 127: sin(slant) is c / (2 x 1536 m/s); set to 1500 m/s in
     // water of 1450 m/s, the vertical velocity is to be multiplied by 0.9569
     let slant = format!("sensor.dvl.slant=\"{} rad\"", (1500.0_f64 / 3072.0).asin());
-    let sound =
-        [assumed, "sensor.dvl.array=\"phased\"", &slant, aligned[0], aligned[1], aligned[2]];
+    let sound = [
+        assumed,
+        "sensor.dvl.sound_speed.array=\"phased\"",
+        &slant,
+        aligned[0],
+        aligned[1],
+        aligned[2],
+    ];
     let composition = compose(SCENARIO, &sound);
     let mut state = composition.layout.initial_state();
     set(&composition, &mut state, "ins.velocity", &[0.0, 0.0, 1.0]);
@@ -297,15 +305,15 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
     };
     assert!((vertical(1500.0) / vertical(1450.0) - 0.9569).abs() < 0.00005);
     // a sample without the speed of sound is taken as it is
-    assert!((of("sensor.dvl.array=\"piston\"", None) - b * v).amax() < 1e-14);
+    assert!((of("sensor.dvl.sound_speed.array=\"piston\"", None) - b * v).amax() < 1e-14);
 }
 
 #[test]
 fn a_measured_speed_of_sound_keeps_a_scale_error_out() {
     // 1 % between 1485 and 1500 m/s would be 10 sigma of a scale that is known to 0.1 %
     let sound = [
-        "sensor.dvl.assumed_sound_speed=\"1500 m/s\"",
-        "sensor.dvl.simulated_sound_speed=\"1485 m/s\"",
+        "sensor.dvl.sound_speed.set=\"1500 m/s\"",
+        "sensor.dvl.sound_speed.simulated=\"1485 m/s\"",
     ];
     let log = run(SCENARIO, &[sound[0], sound[1], "sensor.dvl.scale={ sigma = \"0.1 %\" }"]);
     let dvl = compose(SCENARIO, &[]).sensor("dvl").unwrap();
@@ -322,8 +330,8 @@ fn what_does_not_fit_is_told() {
         ("sensor.dvl.beams=[[0,0,0]]", "no direction"),
         ("sensor.dvl.slant=\"90 deg\"", "below 90 deg"),
         ("sensor.dvl.slant=\"-5 deg\"", "at least 0"),
-        ("sensor.dvl.array=\"phased\"", "assumed_sound_speed"),
-        ("sensor.dvl.simulated_sound_speed=\"1500 m/s\"", "assumed_sound_speed"),
+        ("sensor.dvl.sound_speed.array=\"phased\"", "set"),
+        ("sensor.dvl.sound_speed={ set = \"1500 m/s\", water = {} }", "temperature"),
         ("sensor.dvl.track=\"water\"", "water-current"),
         ("sensor.dvl.current=\"water\"", "track = \"water\""),
         (

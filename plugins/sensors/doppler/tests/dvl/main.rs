@@ -4,4 +4,5 @@
 mod beams;
 mod common;
 mod noise;
+mod sound;
 mod water;

@@ -1,0 +1,187 @@
+//! Ultra-short baseline: the place of a vehicle in the axes of a transceiver on a ship.
+//!
+//! ```text
+//! d = k C_s^t (C_n^s (p - p_s) - l_s)
+//! ```
+//! with the transponder of the vehicle at `p`, the ship at `p_s` with the attitude `C_s^n`, the
+//! transceiver at the lever arm `l_s` with the mounting `C_s^t`, and the ratio `k` of the speeds of
+//! sound. `d` is compared in Cartesian axes, where a vehicle straight below the ship has no special
+//! place: a bearing is not defined there.
+
+use crate::line::line;
+use crate::ship::Ship;
+use crate::sound::Ratio;
+use navfuse_core::Real;
+use navfuse_core::nalgebra::{Matrix3, Rotation3};
+use navfuse_core::prelude::*;
+use navfuse_ins::Navigation;
+
+/// Ultra-short baseline (USBL) on a ship: range and direction of the vehicle from its transceiver,
+/// or the same in Cartesian axes. Each sample has the pose of the ship at that time.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Usbl {
+    /// 1-sigma noise of the range.
+    pub range_noise: Sigma<Length>,
+    /// 1-sigma noise of the direction, about each axis across the line of sight, with the noise of
+    /// the ship's attitude: 0.115 deg is 0.2 % of the slant range.
+    pub angle_noise: Sigma<Angle>,
+    /// 1-sigma noise of the position of the ship, on each axis. Default: zero.
+    #[serde(default = "exact")]
+    pub ship_noise: Sigma<Length>,
+    /// Adds the channels `range`, `bearing` and `elevation`, from which the Cartesian ones follow
+    /// where a sample lacks them.
+    #[serde(default)]
+    pub polar: bool,
+    /// Roll, pitch and yaw of the transceiver in the axes of the ship. Default: zero.
+    #[serde(default)]
+    pub misalignment: Misalignment,
+    /// Position of the transceiver from the reference point of the ship, in the ship's axes. Default:
+    /// at that point.
+    #[serde(default)]
+    pub transceiver: LeverArm,
+    /// Position of the transponder from the IMU of the vehicle, in body axes. Default: at the IMU.
+    #[serde(default)]
+    pub lever_arm: LeverArm,
+    /// Speed of sound: the name of a `[process.NAME]` of type sound-speed. Default: the one that the
+    /// instrument is set to.
+    pub sound: Option<String>,
+    /// Process whose position is measured.
+    #[serde(default = "navfuse_ins::default_name")]
+    pub navigation: String,
+    /// Keys that only a simulation needs.
+    #[serde(default)]
+    pub simulation: Ship,
+}
+
+fn exact() -> Sigma<Length> {
+    Sigma::from_si(0.0)
+}
+
+const CHANNELS: [(&str, &str); 12] = [
+    ("offset_x", "m"),
+    ("offset_y", "m"),
+    ("offset_z", "m"),
+    ("ship_lat", "rad"),
+    ("ship_lon", "rad"),
+    ("ship_height", "m"),
+    ("ship_roll", "rad"),
+    ("ship_pitch", "rad"),
+    ("ship_heading", "rad"),
+    ("range", "m"),
+    ("bearing", "rad"),
+    ("elevation", "rad"),
+];
+const SHIP: usize = 3;
+const POLAR: usize = 9;
+
+impl SensorType for Usbl {
+    const TYPE: &'static str = "usbl";
+
+    fn channels(&self) -> Vec<Channel> {
+        let count = if self.polar { CHANNELS.len() } else { POLAR };
+        CHANNELS[..count].iter().map(|(name, unit)| Channel::new(*name, unit)).collect()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let arm = |arm: LeverArm, composer: &mut Composer, name| {
+            arm.block(composer, name, &[0.0; 3], display::LEVER_ARM)
+        };
+        let lever_arm = arm(self.lever_arm, composer, "lever_arm")?;
+        composer.mounted(Mounting::at(lever_arm));
+        Ok(Role::measurement(UsblModel {
+            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            transceiver: arm(self.transceiver, composer, "transceiver")?,
+            c_s_t: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
+            ratio: Ratio::find(composer, self.sound.as_deref())?,
+            lever_arm,
+            range: self.range_noise.value().si(),
+            angle: self.angle_noise.value().si(),
+            ship: self.ship_noise.value().si(),
+            polar: self.polar,
+            simulated: self.simulation,
+        }))
+    }
+}
+
+/// The measurement model of a [`Usbl`].
+#[derive(Clone, Debug)]
+struct UsblModel {
+    navigation: Navigation,
+    lever_arm: Handle<Vector<3>>,
+    transceiver: Handle<Vector<3>>,
+    c_s_t: Handle<Rotation>,
+    ratio: Ratio,
+    /// 1-sigma of the range, m.
+    range: f64,
+    /// 1-sigma of the direction, rad.
+    angle: f64,
+    /// 1-sigma of the ship's position, m.
+    ship: f64,
+    polar: bool,
+    simulated: Ship,
+}
+
+/// The pose of the ship that a sample has.
+fn ship(x: &View<'_, impl Real>) -> Option<(Geodetic, Rotation3<f64>)> {
+    let channel = |k| x.channel(SHIP + k);
+    let (latitude, longitude, height) = (channel(0)?, channel(1)?, channel(2)?);
+    let c_s_n = Rotation3::from_euler_angles(channel(3)?, channel(4)?, channel(5)?);
+    Some((Geodetic { latitude, longitude, height }, c_s_n))
+}
+
+impl MeasurementModel<3> for UsblModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        let (c_s_t, transceiver) = (x.get(self.c_s_t), x.get(self.transceiver));
+        let (position, ratio) = (x.get(self.navigation.position), self.ratio.get(x));
+        let lever_arm = x.get(self.navigation.attitude) * x.get(self.lever_arm);
+        let Some((place, c_s_n)) = ship(x) else {
+            return SVector::repeat(convert(f64::NAN)); // the filter then rejects the sample
+        };
+        let c_n_s: Rotation3<T> = convert(c_s_n.inverse());
+        // north of the vehicle is north of the ship: both turn by 1.6e-7 rad per metre
+        let in_ship = c_n_s * (line(&place.cast(), &position) + lever_arm) - transceiver;
+        c_s_t * in_ship * ratio
+    }
+
+    /// `R = s_r^2 u u' + (s_a d)^2 (I - u u') + s_s^2 I`, with the unit vector `u` of the measured
+    /// line of sight, or of the predicted one where the sample has none.
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        let measured = [0, 1, 2].map(|k| x.channel(k));
+        let offset = match measured {
+            [Some(x), Some(y), Some(z)] => Vector3::new(x, y, z),
+            _ => self.predict(x),
+        };
+        let along = offset * offset.transpose() / offset.norm_squared();
+        let across = Matrix3::identity() - along;
+        along * self.range.powi(2)
+            + across * (self.angle.powi(2) * offset.norm_squared())
+            + Matrix3::identity() * self.ship.powi(2)
+    }
+
+    /// Computes the Cartesian channels of a sample with range, bearing and elevation alone.
+    fn complete(&self, sample: &mut Sample) {
+        let [Some(range), Some(bearing), Some(elevation)] =
+            [0, 1, 2].map(|k| sample.get(POLAR + k))
+        else {
+            return;
+        };
+        let level = range * elevation.cos();
+        let offset = [level * bearing.cos(), level * bearing.sin(), -range * elevation.sin()];
+        for (k, value) in offset.into_iter().enumerate().filter(|_| self.polar) {
+            sample.set(k, sample.get(k).unwrap_or(value));
+        }
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        let pose = self.simulated.pose(scene.to.seconds());
+        pose.into_iter().enumerate().for_each(|(k, value)| sample.set(SHIP + k, value));
+        scene.measure(self, sample);
+        let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|k| sample.get(k)) else { return };
+        if self.polar {
+            let level = x.hypot(y);
+            let polar = [level.hypot(z), y.atan2(x), (-z).atan2(level)];
+            polar.into_iter().enumerate().for_each(|(k, value)| sample.set(POLAR + k, value));
+        }
+    }
+}
