@@ -78,6 +78,18 @@ fn axes_of_an_imu_and_a_velocity_bias_that_are_states_are_consistent() {
     }
 }
 
+/// Every aid of a survey under water, with late fixes of a USBL, transponders that are states, and a
+/// bottom by a map: 43 states.
+#[test]
+fn all_aids_of_a_survey_are_consistent() {
+    let settings = ["--set", "sensor.imu.simulation.rate=10 Hz", "--set", "estimator.stop=600 s"];
+    let report = report("survey", "20", &settings);
+    let point = &report["points"][0];
+    is_consistent(point);
+    let nis = point["nis"].as_array().expect("every sensor");
+    assert_eq!(nis.len(), 8);
+}
+
 /// An IMU and a depth sensor alone: 24 minutes in which the position drifts by a kilometre. The
 /// sigma of all 15 states is accurate to 5 %, so that the ANEES is between 15 / 1.05^2 and 15 *
 /// 1.05^2; 400 runs determine it to 0.27, 0.9 % in sigma.
