@@ -10,7 +10,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::pass_samples;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::Sample;
-use navfuse_links::{write_fix, write_sentence, write_water_linked};
+use navfuse_links::{serial_port, write_fix, write_sentence, write_water_linked};
 use std::io::{self, Write};
 use std::net::{TcpListener, UdpSocket};
 use std::path::PathBuf;
@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// Standard output as a place to send to.
 const STANDARD_OUTPUT: &str = "-";
+/// Longest time for which a serial port may take no byte.
+const FULL: Duration = Duration::from_secs(10);
 /// Longest pause without a look at the signals.
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -41,8 +43,8 @@ pub struct Play {
     /// Seconds of the recording in a second; inf sends without a pause
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
-    /// Place: udp://HOST:PORT sends there, tcp://HOST:PORT waits for a program that connects, - is
-    /// standard output. SENSOR=FORMAT:PLACE sends one sensor as an instrument does, with the format
+    /// Place: udp://HOST:PORT sends there, tcp://HOST:PORT waits for a program that connects,
+    /// serial://DEVICE@BAUD is a serial port, - is standard output. SENSOR=FORMAT:PLACE sends one sensor as an instrument does, with the format
     /// nmea or water-linked-json; may be given again
     #[arg(long, value_name = "[SENSOR=FORMAT:]PLACE", default_value = STANDARD_OUTPUT)]
     pub to: Vec<String>,
@@ -165,10 +167,12 @@ fn open(to: &str, stop: &AtomicBool) -> Result<Box<dyn Write>> {
     let opened: Option<io::Result<Box<dyn Write>>> = match to.split_once("://") {
         Some(("udp", address)) => Some(udp(address)),
         Some(("tcp", address)) => Some(tcp(address, stop)),
+        Some(("serial", port)) => Some(serial(port)),
         _ => None,
     };
     let wrong = |text: String| CommandError::argument(format!("--to {to:?}"), text);
-    let example = "such as udp://127.0.0.1:5005, tcp://127.0.0.1:5005 or -";
+    let example = "such as udp://127.0.0.1:5005, tcp://127.0.0.1:5005, \
+                   serial:///dev/ttyUSB0@115200 or -";
     let opened = opened.ok_or_else(|| wrong(format!("it is no place, {example}")))?;
     opened.map_err(|e| wrong(e.to_string()))
 }
@@ -177,6 +181,14 @@ fn udp(address: &str) -> io::Result<Box<dyn Write>> {
     let socket = UdpSocket::bind("0.0.0.0:0")?;
     socket.connect(address)?;
     Ok(Box::new(Datagrams(socket)))
+}
+
+/// Opens `DEVICE@BAUD`.
+fn serial(port: &str) -> io::Result<Box<dyn Write>> {
+    let wrong = || io::Error::other("give the port and its rate: serial:///dev/ttyUSB0@115200");
+    let (device, baud) = port.rsplit_once('@').ok_or_else(wrong)?;
+    let baud = baud.parse().map_err(|_| wrong())?;
+    Ok(Box::new(serial_port(device, baud, FULL)?))
 }
 
 /// Waits for a program that connects.

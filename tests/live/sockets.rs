@@ -1,7 +1,11 @@
-//! Samples over UDP and TCP, as instruments send them.
+//! Samples over UDP, TCP and serial ports, as instruments send them.
 
 use super::common::{command, navfuse, stdout};
 use super::desk::{Desk, dive, result, warnings};
+#[cfg(unix)]
+use serialport::SerialPort;
+#[cfg(unix)]
+use std::io::Read;
 use std::io::Write;
 use std::net::{TcpListener, UdpSocket};
 use std::process::{Child, Stdio};
@@ -108,4 +112,47 @@ fn instruments_are_played_as_they_write_and_the_estimate_leaves_as_datagrams() {
     let latitude = estimate["position_deg_deg_m"][0].as_f64().unwrap();
     assert!((latitude - 43.0).abs() < 1e-3, "{estimate}");
     assert!(estimate["position_sigma_ned_m"][0].as_f64().unwrap() > 0.0, "{estimate}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_serial_port_gives_the_estimates_of_the_offline_run() {
+    let (mut instrument, port) = serialport::TTYPort::pair().unwrap();
+    instrument.set_timeout(std::time::Duration::from_secs(30)).unwrap();
+    let desk = Desk::new(&format!(
+        "[link.serial]\ndevice = \"{}\"\nbaud = 115200\n",
+        port.name().unwrap()
+    ));
+    drop(port); // the run opens it
+    let live = desk.live(&["--speed", "inf"]);
+    desk.wait_for("it listens", |_| true);
+    // a serial port is slow: the run must not fall behind
+    for part in dive().sentences.chunks(1024) {
+        instrument.write_all(part).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(3));
+    }
+    desk.wait_for("all of it", |s| s["time_s"].as_f64().is_some_and(|t| t > 39.99));
+    stop(&live);
+    let mut result = result(live.wait_with_output().unwrap());
+    assert_eq!(result["states"].take(), dive().states, "{}", warnings(&result));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_recording_is_played_to_a_serial_port() {
+    let (mut display, port) = serialport::TTYPort::pair().unwrap();
+    display.set_timeout(std::time::Duration::from_secs(30)).unwrap();
+    let desk = Desk::new("");
+    let mut player = play(&desk, &format!("serial://{}@115200", port.name().unwrap()), "inf");
+    let mut received = vec![0; dive().sentences.len()];
+    display.read_exact(&mut received).unwrap();
+    assert!(received == dive().sentences, "the bytes differ");
+    assert!(player.wait().unwrap().success());
+    let wrong = navfuse(&[
+        "play",
+        &desk.path("desk.toml").display().to_string(),
+        "--to",
+        "serial:///dev/ttyUSB0",
+    ]);
+    assert!(super::common::stderr(&wrong).contains("give the port and its rate"), "{wrong:?}");
 }

@@ -1,5 +1,5 @@
-//! Links: samples that arrive over UDP, TCP and standard input while a vehicle moves, and estimates
-//! that leave over UDP.
+//! Links: samples that arrive over UDP, TCP, serial ports and standard input while a vehicle moves,
+//! and estimates that leave over UDP.
 //!
 //! A link reads one stream of bytes for all sensors that it feeds, on a thread of its own. Its
 //! format is that of NMEA 0183, that of a Doppler velocity log, or [sentences](Sentence) of
@@ -12,17 +12,19 @@ mod port;
 mod ports;
 mod samples;
 mod sentence;
+mod serial;
 mod sink;
 
 pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
 pub use instrument::{write_fix, write_water_linked};
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
+pub use serial::{Serial, serial_port};
 pub use sink::{EstimateFormat, UdpSink};
 
 use navfuse_core::plugin::{Plugin, Registry};
 
-/// Registers the link types `udp`, `tcp` and `stdin`, and the sink type `udp`.
+/// Registers the link types `udp`, `tcp`, `serial` and `stdin`, and the sink type `udp`.
 #[derive(Clone, Copy, Debug)]
 pub struct LinksPlugin;
 
@@ -30,6 +32,7 @@ impl Plugin for LinksPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.link::<Udp>();
         registry.link::<Tcp>();
+        registry.link::<Serial>();
         registry.link::<StandardInput>();
         registry.sink::<UdpSink>();
     }

@@ -116,7 +116,7 @@ impl LinkType for StandardInput {
 }
 
 /// The feed of a port that is opened again whenever it is lost.
-fn lasting(
+pub fn lasting(
     name: String,
     open: Open,
     format: Format,
