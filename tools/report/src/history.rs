@@ -1,6 +1,6 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
-use crate::quality::Residuals;
+use crate::residuals::Residuals;
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;

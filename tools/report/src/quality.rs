@@ -3,104 +3,67 @@
 
 use crate::history::{BlockHistory, Row, displacement};
 use crate::plots::{curve, label, over_time};
+use crate::residuals::{BARS, EDGE, LAGS, Residuals};
 use crate::sensors::SensorHistory;
 use navfuse_figures::{Axis, Band, Figure, Look, Panel};
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
-use std::collections::VecDeque;
 
-/// Right edge of the histogram, sigma; the outer bars hold everything beyond.
-const EDGE: f64 = 5.0;
-/// Bars of the histogram, half a sigma wide.
-const BARS: usize = 20;
-/// Largest lag of the autocorrelation, samples.
-const LAGS: usize = 32;
 /// Fewest innovations that a figure shows something of.
 const FEWEST: u64 = 50;
 /// Probability outside the bands.
 const ALPHA: f64 = 0.05;
 
-/// Innovations of a channel over their sigma, those that the gate refused included: a consistent
-/// filter has independent ones of unit variance.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Residuals {
-    count: u64,
-    bars: [u64; BARS],
-    squares: f64,
-    /// Sums of the products of two values `lag + 1` apart.
-    products: [f64; LAGS],
-    /// The last values, the newest first.
-    last: VecDeque<f64>,
+/// Plots the histogram beside the normal distribution, with the band of each bar.
+fn histogram(all: &Residuals, title: &str) -> Panel {
+    let normal = Normal::standard();
+    let edge = |bar: usize| match bar {
+        0 => f64::NEG_INFINITY,
+        BARS => f64::INFINITY,
+        _ => place(bar),
+    };
+    let (mut seen, mut expected, mut chance) = (Vec::new(), Vec::new(), Vec::new());
+    for (bar, count) in all.bars.iter().enumerate() {
+        let probability = normal.cdf(edge(bar + 1)) - normal.cdf(edge(bar));
+        let [low, high] = [place(bar), place(bar + 1)];
+        let height = *count as f64;
+        seen.extend([[low, height], [high, height]]);
+        let mean = probability * all.count as f64;
+        expected.extend([[low, mean], [high, mean]]);
+        let counts = Binomial::new(probability, all.count);
+        let limits = |p: f64| counts.map_or(f64::NAN, |c| c.inverse_cdf(p) as f64);
+        let [least, most] = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(limits);
+        chance.extend([[low, least, most], [high, least, most]]);
+    }
+    Panel {
+        title: title.into(),
+        x: Axis::linear("innovation / sigma"),
+        y: Axis::linear("samples"),
+        curves: vec![
+            curve("expected", Look::Bound, expected.into_iter()),
+            curve("seen", Look::Data(0), seen.into_iter()),
+        ],
+        bands: vec![Band { name: "95 % band".into(), points: chance }],
+    }
 }
 
-impl Residuals {
-    /// Adds an innovation over its sigma; one that is not finite is left out.
-    pub(crate) fn push(&mut self, value: f64) {
-        if !value.is_finite() {
-            return;
-        }
-        self.count += 1;
-        let place = (value + EDGE) * BARS as f64 / (2.0 * EDGE);
-        self.bars[place.clamp(0.0, (BARS - 1) as f64) as usize] += 1;
-        // one wild value would hide the correlation of all others
-        let value = value.clamp(-EDGE, EDGE);
-        self.squares += value * value;
-        self.products.iter_mut().zip(&self.last).for_each(|(sum, before)| *sum += value * before);
-        self.last.truncate(LAGS - 1);
-        self.last.push_front(value);
-    }
-
-    /// Plots the histogram beside the normal distribution, with the band of each bar.
-    fn histogram(&self, title: &str) -> Panel {
-        let normal = Normal::standard();
-        let edge = |bar: usize| match bar {
-            0 => f64::NEG_INFINITY,
-            BARS => f64::INFINITY,
-            _ => place(bar),
-        };
-        let (mut seen, mut expected, mut chance) = (Vec::new(), Vec::new(), Vec::new());
-        for (bar, count) in self.bars.iter().enumerate() {
-            let probability = normal.cdf(edge(bar + 1)) - normal.cdf(edge(bar));
-            let [low, high] = [place(bar), place(bar + 1)];
-            let height = *count as f64;
-            seen.extend([[low, height], [high, height]]);
-            let mean = probability * self.count as f64;
-            expected.extend([[low, mean], [high, mean]]);
-            let counts = Binomial::new(probability, self.count);
-            let limits = |p: f64| counts.map_or(f64::NAN, |c| c.inverse_cdf(p) as f64);
-            let [least, most] = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(limits);
-            chance.extend([[low, least, most], [high, least, most]]);
-        }
-        Panel {
-            title: title.into(),
-            x: Axis::linear("innovation / sigma"),
-            y: Axis::linear("samples"),
-            curves: vec![
-                curve("expected", Look::Bound, expected.into_iter()),
-                curve("seen", Look::Data(0), seen.into_iter()),
-            ],
-            bands: vec![Band { name: "95 % band".into(), points: chance }],
-        }
-    }
-
-    /// Plots the autocorrelation, with the band of independent innovations.
-    fn autocorrelation(&self) -> Panel {
-        let width = -Normal::standard().inverse_cdf(0.5 * ALPHA) / (self.count as f64).sqrt();
-        let ends = [1.0, LAGS as f64];
-        let values =
-            self.products.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, sum / self.squares]);
-        Panel {
-            title: String::new(),
-            x: Axis::linear("lag [samples]"),
-            y: Axis::linear("autocorrelation"),
-            curves: vec![
-                curve("expected", Look::Bound, ends.into_iter().map(|lag| [lag, 0.0])),
-                curve("seen", Look::Data(0), values),
-            ],
-            bands: vec![Band {
-                name: "95 % band".into(),
-                points: ends.map(|lag| [lag, -width, width]).to_vec(),
-            }],
-        }
+/// Plots the autocorrelation, with the band of independent innovations.
+fn autocorrelation(all: &Residuals) -> Panel {
+    let width = -Normal::standard().inverse_cdf(0.5 * ALPHA) / (all.count as f64).sqrt();
+    let ends = [1.0, LAGS as f64];
+    let values =
+        all.products.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, sum / all.squares]);
+    Panel {
+        title: String::new(),
+        x: Axis::linear("lag [samples]"),
+        y: Axis::linear("autocorrelation"),
+        curves: vec![
+            curve("expected", Look::Bound, ends.into_iter().map(|lag| [lag, 0.0])),
+            curve("seen", Look::Data(0), values),
+        ],
+        bands: vec![Band {
+            name: "95 % band".into(),
+            points: ends.map(|lag| [lag, -width, width]).to_vec(),
+        }],
     }
 }
 
@@ -118,11 +81,11 @@ pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
     let panels: Vec<Panel> = match known.len() {
         0 => return None,
         // a column for each channel, where the columns fit
-        2..=3 => (known.iter().map(|(channel, r)| r.histogram(&name(channel))))
-            .chain(known.iter().map(|(_, r)| r.autocorrelation()))
+        2..=3 => (known.iter().map(|(channel, r)| histogram(r, &name(channel))))
+            .chain(known.iter().map(|(_, r)| autocorrelation(r)))
             .collect(),
         _ => (known.iter())
-            .flat_map(|(channel, r)| [r.histogram(&name(channel)), r.autocorrelation()])
+            .flat_map(|(channel, r)| [histogram(r, &name(channel)), autocorrelation(r)])
             .collect(),
     };
     let columns = if known.len() == 3 { 3 } else { 2 };
@@ -238,14 +201,14 @@ mod tests {
     fn independent_innovations_of_unit_variance_stay_in_the_bands() {
         let all = collected(&white(4000));
         // of 20 bars and of 32 lags at 95 %, fewer than 5 outside have a probability above 0.97
-        assert!(inside(&all.histogram("")) > 0.75);
-        assert!(inside(&all.autocorrelation()) > 0.84);
+        assert!(inside(&histogram(&all, "")) > 0.75);
+        assert!(inside(&autocorrelation(&all)) > 0.84);
     }
 
     #[test]
     fn a_sigma_too_small_by_a_half_leaves_the_bell_and_a_slow_error_is_correlated() {
         let wide: Vec<f64> = white(4000).iter().map(|v| 1.5 * v).collect();
-        assert!(inside(&collected(&wide).histogram("")) < 0.3);
+        assert!(inside(&histogram(&collected(&wide), "")) < 0.3);
         let mut slow = 0.0;
         let slow: Vec<f64> = (white(4000).iter())
             .map(|v| {
@@ -253,7 +216,7 @@ mod tests {
                 slow
             })
             .collect();
-        let panel = collected(&slow).autocorrelation();
+        let panel = autocorrelation(&collected(&slow));
         // 0.9^k of a Gauss-Markov process, to five deviations: (1 + 0.81) / (1 - 0.81) / 4000
         assert!((panel.curves[1].points[0][1] - 0.9).abs() < 0.05);
         assert!((panel.curves[1].points[9][1] - 0.9_f64.powi(10)).abs() < 0.25);

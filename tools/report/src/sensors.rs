@@ -1,6 +1,6 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
-use crate::quality::Residuals;
+use crate::residuals::Residuals;
 use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};

@@ -1,0 +1,42 @@
+//! Sums of the innovations of a channel, for their distribution and their correlation.
+
+use std::collections::VecDeque;
+
+/// Right edge of the histogram, sigma; the outer bars hold everything beyond.
+pub(crate) const EDGE: f64 = 5.0;
+/// Bars of the histogram, half a sigma wide.
+pub(crate) const BARS: usize = 20;
+/// Largest lag of the autocorrelation, samples.
+pub(crate) const LAGS: usize = 32;
+
+/// Innovations of a channel over their sigma, those that the gate refused included: a consistent
+/// filter has independent ones of unit variance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Residuals {
+    pub(crate) count: u64,
+    pub(crate) bars: [u64; BARS],
+    /// Sum of the squares.
+    pub(crate) squares: f64,
+    /// Sums of the products of two values `lag + 1` apart.
+    pub(crate) products: [f64; LAGS],
+    /// The last values, the newest first.
+    last: VecDeque<f64>,
+}
+
+impl Residuals {
+    /// Adds an innovation over its sigma; one that is not finite is left out.
+    pub(crate) fn push(&mut self, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        self.count += 1;
+        let place = (value + EDGE) * BARS as f64 / (2.0 * EDGE);
+        self.bars[place.clamp(0.0, (BARS - 1) as f64) as usize] += 1;
+        // one wild value would hide the correlation of all others
+        let value = value.clamp(-EDGE, EDGE);
+        self.squares += value * value;
+        self.products.iter_mut().zip(&self.last).for_each(|(sum, before)| *sum += value * before);
+        self.last.truncate(LAGS - 1);
+        self.last.push_front(value);
+    }
+}
