@@ -5,7 +5,7 @@ use navfuse_ins::Navigation;
 /// Magnetometer: the direction of the Earth's field in body axes, as a unit vector.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Magnetometer {
+pub struct FieldDirection {
     /// 1-sigma noise of each axis, as a share of the field.
     pub noise: Sigma<Ratio>,
     /// Dip of the field below the horizon.
@@ -14,8 +14,8 @@ pub struct Magnetometer {
     pub declination: Calibration<Angle, AngularRateNoise>,
 }
 
-impl SensorType for Magnetometer {
-    const TYPE: &'static str = "magnetometer";
+impl SensorType for FieldDirection {
+    const TYPE: &'static str = "field-direction";
 
     fn channels(&self) -> Vec<Channel> {
         ["mag_x", "mag_y", "mag_z"].map(|name| Channel::new(name, "1")).to_vec()

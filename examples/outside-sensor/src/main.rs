@@ -2,6 +2,6 @@
 
 fn main() -> std::process::ExitCode {
     let mut registry = navfuse::standard_plugins();
-    registry.sensor::<outside_sensor::Magnetometer>();
+    registry.sensor::<outside_sensor::FieldDirection>();
     navfuse::command(&registry)
 }

@@ -42,7 +42,7 @@ impl Target {
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
-pub const TARGETS: [Target; 26] = [
+pub const TARGETS: [Target; 27] = [
     target("pd0", 100, memory::pd0),
     target("pd4", 100, memory::pd4),
     target("pd6", 100, memory::pd6),
@@ -61,6 +61,7 @@ pub const TARGETS: [Target; 26] = [
     target("nucleus", 100, memory::nucleus),
     target("sbf", 100, memory::sbf),
     target("psins", 100, memory::psins),
+    target("grid", 50, memory::grid),
     target("nmea-sentences", 100, memory::nmea_sentences),
     target("nmea", 4, files::nmea),
     target("bag", 4, files::bag),

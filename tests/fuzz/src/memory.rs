@@ -46,3 +46,9 @@ pub fn nmea_sentences(bytes: &[u8]) -> usize {
     }
     count
 }
+
+/// A map of heights; returns 1 for one.
+pub fn grid(bytes: &[u8]) -> usize {
+    let text = String::from_utf8_lossy(bytes);
+    navfuse_terrain::Grid::parse(&text).map_or(0, |_| 1)
+}

@@ -15,7 +15,7 @@ fn the_sensor_of_a_new_plugin_conforms() -> Result<(), Failed> {
 
 #[test]
 fn the_sensor_of_the_example_conforms() -> Result<(), Failed> {
-    check_sensor::<outside_sensor::Magnetometer>(include_str!(
+    check_sensor::<outside_sensor::FieldDirection>(include_str!(
         "../../../examples/outside-sensor/scenario.toml"
     ))
 }

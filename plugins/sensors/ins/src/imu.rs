@@ -128,8 +128,9 @@ impl SensorType for Imu {
         let noise =
             [("gyro_noise", imu.gyro_noise.is_some()), ("accel_noise", imu.accel_noise.is_some())];
         if let Some((key, _)) = noise.iter().find(|(_, given)| !given) {
-            let message = "is missing; give the noise of the data sheet, or a `grade`";
-            return Err(ComposeError::new(*key, message));
+            let message =
+                format!("missing key {key:?}: give the noise of the data sheet, or a grade");
+            return Err(ComposeError::new("", message));
         }
         imu.add_errors(composer)?;
         Ok(Role::Input(Box::new(imu)))

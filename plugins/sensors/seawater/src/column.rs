@@ -77,7 +77,9 @@ fn profile(text: &str) -> Result<Vec<[f64; 2]>, String> {
         match numbers[..] {
             [] => {}
             [Some(depth), Some(speed)]
-                if SPEEDS.contains(&speed) && rows.last().is_none_or(|last| depth > last[0]) =>
+                if SPEEDS.contains(&speed)
+                    && depth.is_finite()
+                    && rows.last().is_none_or(|last| depth > last[0]) =>
             {
                 rows.push([depth, speed]);
             }

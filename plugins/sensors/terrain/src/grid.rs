@@ -47,7 +47,8 @@ impl Grid {
         let corner = [middle("xllcorner", "xllcenter")?, middle("yllcorner", "yllcenter")?];
         let (columns, rows) = (need("ncols")?, need("nrows")?);
         let fits = |n: f64| n.fract() == 0.0 && (2.0..1e7).contains(&n);
-        let degrees = corner[0].abs() <= 360.0 && corner[1].abs() <= 90.0 && cell > 0.0;
+        let degrees =
+            corner[0].abs() <= 360.0 && corner[1].abs() <= 90.0 && cell > 0.0 && cell <= 90.0;
         if !(fits(columns) && fits(rows) && columns * rows <= MOST as f64 && degrees) {
             return Err("the header makes no grid of latitude and longitude in degrees, with at \
                         least two rows and columns"
@@ -57,8 +58,8 @@ impl Grid {
         let missing = of("nodata_value").unwrap_or(-9999.0);
         let height = |word: &str| match word.parse() {
             Ok(height) if height == missing => Ok(f64::NAN),
-            Ok(height) => Ok(height),
-            Err(_) => Err(format!("{word:?} is no height")),
+            Ok(height) if !f64::is_infinite(height) => Ok(height),
+            _ => Err(format!("{word:?} is no height")),
         };
         let from_north: Vec<f64> = words.map(height).collect::<Result<_, _>>()?;
         if from_north.len() != columns * rows {
@@ -141,6 +142,8 @@ mod tests {
             ("yllcenter 5e6", "yllcenter 43", "no grid"),
             ("ncols x", "ncols 3", "after ncols"),
             ("-30 1,5 -70", "-30 -50 -70", "no height"),
+            ("-30 inf -70", "-30 -50 -70", "no height"),
+            ("cellsize inf", "cellsize 0.01", "no grid"),
         ] {
             let error = Grid::parse(&MAP.replace(right, wrong)).unwrap_err();
             assert!(error.contains(message), "{wrong}: {error}");
