@@ -212,7 +212,7 @@ const LIMITS: &[(&str, &str, &[&str])] = &[
     ("Nortek", "plugins/formats/dvl-files/src/ad2cp.rs", &["LARGEST"]),
     ("Water Linked", "plugins/formats/dvl-files/src/water_linked.rs", &["MAX"]),
     ("maps of heights", "plugins/sensors/terrain/src/grid.rs", &["LONGEST", "MOST"]),
-    ("profiles", "plugins/sensors/seawater/src/column.rs", &["LONGEST"]),
+    ("maps of heights", "plugins/sensors/seawater/src/column.rs", &["LONGEST"]),
     ("campaigns", "tools/campaign/src/journal.rs", &["LONGEST"]),
     ("campaigns", "tools/campaign/src/campaign.rs", &["MAX_RUNS"]),
 ];

@@ -246,7 +246,7 @@ mod tests {
             Ok((1, 1.0))
         );
         assert_eq!(
-            find(&Wanted { name: "field_x", si: "nT", ..SPEED }, "time_s,field_x_nT"),
+            find(&Wanted { name: "field_x", si: "gauss", ..SPEED }, "time_s,field_x_gauss"),
             Ok((1, 1.0))
         );
     }

@@ -154,14 +154,12 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
     use super::*;
-    use serde::Deserialize;
-    use serde::de::value::{Error, MapDeserializer};
+    use serde_json::json;
 
     /// An IMU with a white noise of the gyros, in deg/h/sqrt(Hz).
     fn imu(noise: f64) -> Imu {
         let gyro = format!("{noise} deg/h/sqrt(Hz)");
-        let keys = [("gyro_noise", gyro.as_str()), ("accel_noise", "10 ug/sqrt(Hz)")];
-        Imu::deserialize(MapDeserializer::<_, Error>::new(keys.into_iter())).unwrap()
+        crate::testing::imu(&json!({ "gyro_noise": gyro, "accel_noise": "10 ug/sqrt(Hz)" }))
     }
 
     /// Degrees per hour and standard gravity, in SI.
