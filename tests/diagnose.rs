@@ -347,3 +347,15 @@ fn the_sensitivity_to_a_velocity_bias_is_what_the_bias_of_the_instrument_does() 
     let found = sensitivity(&registry, &document, &options, &stop, &|_, _| {}).expect("it runs");
     assert!(!found.things.iter().any(|thing| thing.contains("bias")), "{:?}", found.things);
 }
+
+#[test]
+fn a_run_that_ends_early_has_no_sensitivity_but_an_error_with_the_reason() {
+    let mut document = Document::parse("dive.toml", DIVE).expect("the scenario is TOML");
+    let gap = "sensor.imu.simulation.outages=[[\"20 s\", \"22 s\"]]";
+    document.set(gap).expect("the setting is one");
+    let options = Options { threads: 1, seconds: 1.0 };
+    let (registry, stop) = (navfuse::standard_plugins(), AtomicBool::new(false));
+    let found = sensitivity(&registry, &document, &options, &stop, &|_, _| {});
+    let error = found.expect_err("the gap ends the run").to_string();
+    assert!(error.starts_with("the run ends early: ") && error.contains("max_gap"), "{error}");
+}

@@ -23,6 +23,7 @@ use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::RunError;
 use search::CLEAR;
 use serde::Serialize;
 use std::sync::atomic::AtomicBool;
@@ -109,6 +110,9 @@ pub enum DiagnoseError {
         #[source]
         error: StreamError,
     },
+    /// The run of the scenario as it is ended early.
+    #[error("the run ends early: {0}")]
+    Run(#[from] RunError),
     /// The text of the scenario is not TOML.
     #[error(transparent)]
     Text(toml_edit::TomlError),

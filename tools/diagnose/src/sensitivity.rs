@@ -18,6 +18,7 @@ use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::session::RunError;
 use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::{Block, Layout, State};
 use serde::Serialize;
@@ -57,7 +58,7 @@ pub struct Sensitivity {
 /// runs that are done, and of all.
 ///
 /// # Errors
-/// When the scenario does not compose, or its samples cannot be read.
+/// When the scenario does not compose, its samples cannot be read, or its own run ends early.
 pub fn sensitivity(
     registry: &Registry,
     document: &Document,
@@ -67,8 +68,9 @@ pub fn sensitivity(
 ) -> Result<Sensitivity, DiagnoseError> {
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording = Recording::read(scenario.assemble(None)?)?;
-    let base = ended(scenario.compose()?, &recording, stop);
-    let things = unmodelled::things(document, &base.layout, &scenario.compose()?);
+    let composition = scenario.compose()?;
+    let things = unmodelled::things(document, &composition);
+    let base = ended(composition, &recording, stop)?;
     let runs: Vec<(usize, &String)> = things
         .iter()
         .enumerate()
@@ -79,9 +81,10 @@ pub fn sensitivity(
         let (thing, setting) = runs[at];
         let scenario = Scenario::new(registry, document.clone(), std::slice::from_ref(setting));
         let composition = scenario.ok().and_then(|scenario| scenario.compose().ok());
-        let moved = composition.map(|c| base.moved(&ended(c, &recording, stop)));
+        // a run that ends early shows nothing, as a setting that does not fit
+        let other = composition.and_then(|c| ended(c, &recording, stop).ok());
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, runs.len());
-        moved.map(|moved| (thing, moved))
+        other.map(|other| (thing, base.moved(&other)))
     });
     Ok(base.table(&things, &moved, stop.load(Ordering::Relaxed)))
 }
@@ -92,13 +95,18 @@ struct Ended {
     last: Last,
 }
 
-/// Runs the samples with a composition.
-fn ended(composition: Composition, recording: &Recording, stop: &AtomicBool) -> Ended {
+/// Runs the samples with a composition to their end.
+fn ended(
+    composition: Composition,
+    recording: &Recording,
+    stop: &AtomicBool,
+) -> Result<Ended, RunError> {
     let layout = Arc::clone(&composition.layout);
     let sources = recording.sources(&composition, recording.span().1);
     let sinks = vec![("last".to_owned(), Box::<Last>::default() as _)];
     let mut finished = runner::run(Assembly { composition, sources, sinks }, stop, |_| {});
-    Ended { layout, last: finished.take_sink().unwrap_or_default() }
+    let last = finished.take_sink().unwrap_or_default();
+    finished.error.map_or(Ok(Ended { layout, last }), Err)
 }
 
 impl Ended {
@@ -136,7 +144,7 @@ impl Ended {
         let row = |(block, i): (&Block, usize)| {
             let display = &block.spec.display;
             let covariance = self.last.0.as_ref().map(|(_, covariance)| covariance);
-            let sigma = covariance.map_or(0.0, |p| p.get(i, i).max(0.0).sqrt());
+            let sigma = covariance.map_or(f64::NAN, |p| p.sigma(i));
             let moves: Vec<f64> = ran.iter().map(|k| size(*k, i)).collect();
             Row {
                 state: block.name.clone(),

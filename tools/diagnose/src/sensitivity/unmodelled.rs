@@ -27,12 +27,8 @@ pub(super) struct Thing {
 }
 
 /// Everything of usual size that a scenario does not model.
-pub(super) fn things(
-    document: &Document,
-    layout: &Layout,
-    composition: &Composition,
-) -> Vec<Thing> {
-    let scenario = Unmodelled { document, layout };
+pub(super) fn things(document: &Document, composition: &Composition) -> Vec<Thing> {
+    let scenario = Unmodelled { document, layout: &composition.layout };
     let sensors = composition.sensors.iter().map(|sensor| &sensor.info);
     let gravity = composition.processes.iter().filter(|p| p.kind == "ins").map(|process| {
         let text = format!("{}: deflection 10 arcsec", process.name);
