@@ -3,9 +3,8 @@
 use super::Table;
 use super::{line, right, table};
 use crate::error::{CommandError, Result};
-use navfuse_campaign::{
-    Band, Campaign, Component, Judged, PointReport, Results, StateReport, WorstRun,
-};
+use navfuse_campaign::words::{band, begins, number, ratio};
+use navfuse_campaign::{Campaign, Component, Judged, PointReport, Results, StateReport, WorstRun};
 use std::path::{Path, PathBuf};
 
 /// The tables that are shown.
@@ -100,29 +99,13 @@ pub fn files(files: &[PathBuf], out: Option<&Path>) {
     line(format_args!("{}: {}", out.display(), names.collect::<Vec<_>>().join(", ")));
 }
 
-/// Four significant digits.
-fn number(value: Option<f64>) -> String {
-    let Some(value) = value.filter(|v| v.is_finite()) else { return String::new() };
-    let decimals = (3.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0);
-    format!("{value:.*}", decimals as usize)
-}
-
-fn ratio(value: Option<f64>) -> String {
-    value.map_or_else(String::new, |v| format!("{v:.2}"))
-}
-
-fn band(band: Option<Band>) -> String {
-    band.map_or_else(String::new, |b| format!("{:.2} to {:.2}", b.low, b.high))
-}
-
 fn percent(share: Option<f64>) -> String {
     share.map_or_else(String::new, |s| format!("{:.1} %", 100.0 * s))
 }
 
 /// The name of a state, on the row of its first component only.
 fn once(states: &[StateReport], k: usize) -> String {
-    let state = &states[k].component.state;
-    if k > 0 && states[k - 1].component.state == *state { String::new() } else { state.clone() }
+    if begins(states, k) { states[k].component.state.clone() } else { String::new() }
 }
 
 fn consistency(plan: &Campaign, point: &PointReport) {

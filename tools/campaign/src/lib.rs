@@ -29,6 +29,7 @@ mod sweep;
 mod tables;
 mod tape;
 mod verdict;
+pub mod words;
 
 pub use bound::bound;
 pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};

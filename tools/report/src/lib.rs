@@ -8,6 +8,7 @@
 
 pub mod campaign;
 pub mod compare;
+mod histogram;
 mod history;
 mod log;
 pub mod observability;

@@ -1,49 +1,32 @@
 //! Quality of a run without a truth: the distribution and the correlation of the innovations, and the
 //! filter against the smoother.
 
+use crate::histogram::{ALPHA, Bar, histogram};
 use crate::history::{BlockHistory, Row, displacement};
 use crate::plots::{curve, label, over_time};
 use crate::residuals::{BARS, EDGE, LAGS, Residuals};
 use crate::sensors::SensorHistory;
 use navfuse_figures::{Axis, Band, Figure, Look, Panel};
-use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Fewest innovations that a figure shows something of.
 const FEWEST: u64 = 50;
-/// Probability outside the bands.
-const ALPHA: f64 = 0.05;
 
-/// Plots the histogram beside the normal distribution, with the band of each bar.
-fn histogram(all: &Residuals, title: &str) -> Panel {
+/// Plots the histogram beside the normal distribution.
+fn distribution(all: &Residuals, title: &str) -> Panel {
     let normal = Normal::standard();
-    let edge = |bar: usize| match bar {
-        0 => f64::NEG_INFINITY,
-        BARS => f64::INFINITY,
-        _ => place(bar),
+    // the outer bars hold everything beyond
+    let below = |edge: usize| match edge {
+        0 => 0.0,
+        BARS => 1.0,
+        _ => normal.cdf(place(edge)),
     };
-    let (mut seen, mut expected, mut chance) = (Vec::new(), Vec::new(), Vec::new());
-    for (bar, count) in all.bars.iter().enumerate() {
-        let probability = normal.cdf(edge(bar + 1)) - normal.cdf(edge(bar));
-        let [low, high] = [place(bar), place(bar + 1)];
-        let height = *count as f64;
-        seen.extend([[low, height], [high, height]]);
-        let mean = probability * all.count as f64;
-        expected.extend([[low, mean], [high, mean]]);
-        let counts = Binomial::new(probability, all.count);
-        let limits = |p: f64| counts.map_or(f64::NAN, |c| c.inverse_cdf(p) as f64);
-        let [least, most] = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(limits);
-        chance.extend([[low, least, most], [high, least, most]]);
-    }
-    Panel {
-        title: title.into(),
-        x: Axis::linear("innovation / sigma"),
-        y: Axis::linear("samples"),
-        curves: vec![
-            curve("expected", Look::Bound, expected.into_iter()),
-            curve("seen", Look::Data(0), seen.into_iter()),
-        ],
-        bands: vec![Band { name: "95 % band".into(), points: chance }],
-    }
+    let bars = all.bars.iter().enumerate().map(|(bar, seen)| Bar {
+        edges: [place(bar), place(bar + 1)],
+        seen: *seen,
+        probability: below(bar + 1) - below(bar),
+    });
+    histogram(title, Axis::linear("innovation / sigma"), ("samples", all.count), bars)
 }
 
 /// Plots the autocorrelation, with the band of independent innovations.
@@ -81,11 +64,11 @@ pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
     let panels: Vec<Panel> = match known.len() {
         0 => return None,
         // a column for each channel, where the columns fit
-        2..=3 => (known.iter().map(|(channel, r)| histogram(r, &name(channel))))
+        2..=3 => (known.iter().map(|(channel, r)| distribution(r, &name(channel))))
             .chain(known.iter().map(|(_, r)| autocorrelation(r)))
             .collect(),
         _ => (known.iter())
-            .flat_map(|(channel, r)| [histogram(r, &name(channel)), autocorrelation(r)])
+            .flat_map(|(channel, r)| [distribution(r, &name(channel)), autocorrelation(r)])
             .collect(),
     };
     let columns = if known.len() == 3 { 3 } else { 2 };
@@ -201,14 +184,14 @@ mod tests {
     fn independent_innovations_of_unit_variance_stay_in_the_bands() {
         let all = collected(&white(4000));
         // of 20 bars and of 32 lags at 95 %, fewer than 5 outside have a probability above 0.97
-        assert!(inside(&histogram(&all, "")) > 0.75);
+        assert!(inside(&distribution(&all, "")) > 0.75);
         assert!(inside(&autocorrelation(&all)) > 0.84);
     }
 
     #[test]
     fn a_sigma_too_small_by_a_half_leaves_the_bell_and_a_slow_error_is_correlated() {
         let wide: Vec<f64> = white(4000).iter().map(|v| 1.5 * v).collect();
-        assert!(inside(&histogram(&collected(&wide), "")) < 0.3);
+        assert!(inside(&distribution(&collected(&wide), "")) < 0.3);
         let mut slow = 0.0;
         let slow: Vec<f64> = (white(4000).iter())
             .map(|v| {

@@ -1,10 +1,11 @@
 //! A campaign as one page, which opens offline: the verdict, the tables, the figures with their
 //! chance bands, and the runs to look at.
 
-mod histogram;
+mod nees;
 
 use crate::page::{document, picture};
 use maud::{Markup, html};
+use navfuse_campaign::words::{band, begins, number, ratio};
 use navfuse_campaign::{
     Band, Campaign, Component, Judged, PointReport, PointStatistics, Results, StateReport,
 };
@@ -31,7 +32,7 @@ pub fn page(
     let ran = point.filter(|_| campaign.runs > 0);
     let histogram = ran.and_then(|(_, statistics)| {
         let values: Vec<f64> = statistics.nees.iter().map(|(_, nees)| *nees).collect();
-        histogram::nees(campaign.columns.known(), &values)
+        nees::histogram_of(campaign.columns.known(), &values)
     });
     let title = format!("{}: {}", campaign.scenario, kind(campaign));
     let body = html! {
@@ -147,21 +148,6 @@ fn verdict(campaign: &Campaign, point: &PointReport) -> Markup {
     }
 }
 
-/// Formats four significant digits; nothing for an unknown value.
-fn number(value: Option<f64>) -> String {
-    let Some(value) = value.filter(|v| v.is_finite()) else { return String::new() };
-    let decimals = (3.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0);
-    format!("{value:.*}", decimals as usize)
-}
-
-fn ratio(value: Option<f64>) -> String {
-    value.map_or_else(String::new, |v| format!("{v:.2}"))
-}
-
-fn limits(band: Option<Band>) -> String {
-    band.map_or_else(String::new, |b| format!("{:.2} to {:.2}", b.low, b.high))
-}
-
 /// Returns the class of a value that lies outside its band.
 fn outside(value: Option<f64>, band: Option<Band>) -> Option<&'static str> {
     value.zip(band).filter(|(value, band)| !band.holds(*value)).map(|_| "bad")
@@ -169,11 +155,7 @@ fn outside(value: Option<f64>, band: Option<Band>) -> Option<&'static str> {
 
 /// Creates the cell with the name of a state, on the row of its first component only.
 fn name(states: &[StateReport], k: usize) -> Markup {
-    html! { th { @if first(states, k) { (states[k].component.state) } } }
-}
-
-fn first(states: &[StateReport], k: usize) -> bool {
-    k == 0 || states[k - 1].component.state != states[k].component.state
+    html! { th { @if begins(states, k) { (states[k].component.state) } } }
 }
 
 fn states(campaign: &Campaign, point: &PointReport) -> Markup {
@@ -185,7 +167,7 @@ fn states(campaign: &Campaign, point: &PointReport) -> Markup {
             } }
             tbody {
                 @for (k, s) in point.states.iter().enumerate() {
-                    tr class=[first(&point.states, k).then_some("first")] {
+                    tr class=[begins(&point.states, k).then_some("first")] {
                         (name(&point.states, k))
                         td.name { (s.component.component) }
                         td { (number(s.rmse)) } td { (number(s.sigma)) }
@@ -217,7 +199,7 @@ fn consistency(point: &PointReport) -> Markup {
                 tr.first {
                     th { (a.of) } td { (a.dimension) }
                     td class=[outside(a.value, a.band)] { (number(a.value)) }
-                    td { (limits(a.band)) }
+                    td { (band(a.band)) }
                     td { @if let Some(share) = a.inside { (format!("{:.1} %", 100.0 * share)) } }
                 }
             } }
@@ -234,7 +216,7 @@ fn consistency(point: &PointReport) -> Markup {
                         th { (n.sensor) } td { (n.used) }
                         td { (format!("{:.2} %", 100.0 * n.gated)) }
                         td class=[outside(n.mean, n.band)] { (number(n.mean)) }
-                        td { (number(n.expected)) } td { (limits(n.band)) }
+                        td { (number(n.expected)) } td { (band(n.band)) }
                     }
                 } }
             } }
@@ -252,7 +234,7 @@ fn bound(point: &PointReport, statistics: &PointStatistics) -> Markup {
                     th { (format!("{:.0} s", end.1)) } th { "smoothed, rms" } th.name { "unit" }
                 } }
                 tbody { @for (k, s) in point.states.iter().enumerate() {
-                    tr class=[first(&point.states, k).then_some("first")] {
+                    tr class=[begins(&point.states, k).then_some("first")] {
                         (name(&point.states, k))
                         td.name { (s.component.component) }
                         td { (number(Some(start.2[k]))) } td { (number(Some(end.2[k]))) }

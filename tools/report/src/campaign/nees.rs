@@ -1,19 +1,18 @@
 //! Histogram of the NEES of all runs, beside the chi-square distribution that a consistent filter
 //! has.
 
-use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
-use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
+use crate::histogram::{Bar, histogram};
+use navfuse_figures::{Axis, Figure};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Smallest number of runs that a histogram shows something of.
 const FEWEST: usize = 20;
 /// Probability below the right edge.
 const COVERED: f64 = 0.9999;
-/// Probability outside the band of a bar.
-const ALPHA: f64 = 0.05;
 
 /// Plots the NEES of the whole state, of `dimension` components, at the end of each run, and returns
 /// the number of runs beyond the right edge. `None` with too few runs.
-pub fn nees(dimension: usize, values: &[f64]) -> Option<(Figure, usize)> {
+pub fn histogram_of(dimension: usize, values: &[f64]) -> Option<(Figure, usize)> {
     let chi = ChiSquared::new(dimension as f64).ok()?;
     if values.len() < FEWEST {
         return None;
@@ -22,26 +21,14 @@ pub fn nees(dimension: usize, values: &[f64]) -> Option<(Figure, usize)> {
     // the square-root rule: bars wide enough to hold runs, narrow enough to show the shape
     let count = (values.len() as f64).sqrt().ceil().clamp(8.0, 40.0) as usize;
     let place = |bar: usize| edge * bar as f64 / count as f64;
-    let (mut bars, mut expected, mut chance) = (Vec::new(), Vec::new(), Vec::new());
-    for bar in 0..count {
-        let (low, high) = (place(bar), place(bar + 1));
-        let seen = values.iter().filter(|v| (low..high).contains(*v)).count() as f64;
-        let probability = chi.cdf(high) - chi.cdf(low);
-        let mean = probability * values.len() as f64;
-        let runs = Binomial::new(probability, values.len() as u64).ok()?;
-        let [least, most] = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| runs.inverse_cdf(p) as f64);
-        bars.extend([[low, seen], [high, seen]]);
-        expected.extend([[low, mean], [high, mean]]);
-        chance.extend([[low, least, most], [high, least, most]]);
-    }
-    let curve = |name: &str, look, points| Curve { name: name.into(), look, points };
-    let panel = Panel {
-        title: String::new(),
-        x: Axis::linear("NEES of the whole state at the end"),
-        y: Axis::linear("runs"),
-        curves: vec![curve("expected", Look::Bound, expected), curve("runs", Look::Data(0), bars)],
-        bands: vec![Band { name: "95 % band".into(), points: chance }],
-    };
+    let bars = (0..count).map(|bar| {
+        let edges = [place(bar), place(bar + 1)];
+        let [low, high] = edges;
+        let seen = values.iter().filter(|v| (low..high).contains(*v)).count() as u64;
+        Bar { edges, seen, probability: chi.cdf(high) - chi.cdf(low) }
+    });
+    let x = Axis::linear("NEES of the whole state at the end");
+    let panel = histogram("", x, ("runs", values.len() as u64), bars);
     let figure =
         Figure { name: "nees".into(), title: String::new(), columns: 1, panels: vec![panel] };
     Some((figure, values.iter().filter(|v| **v >= edge).count()))
@@ -51,6 +38,7 @@ pub fn nees(dimension: usize, values: &[f64]) -> Option<(Figure, usize)> {
 #[allow(clippy::expect_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use navfuse_figures::Curve;
 
     /// Heights of the bars of a curve, each of which has two points.
     fn heights(curve: &Curve) -> Vec<f64> {
@@ -63,7 +51,7 @@ mod tests {
         let mut values: Vec<f64> =
             (0..400).map(|k| chi.inverse_cdf((f64::from(k) + 0.5) / 400.0)).collect();
         values.push(127_044.2);
-        let (figure, beyond) = nees(19, &values).expect("enough runs");
+        let (figure, beyond) = histogram_of(19, &values).expect("enough runs");
         let panel = &figure.panels[0];
         let [expected, runs] = [heights(&panel.curves[0]), heights(&panel.curves[1])];
         assert_eq!((runs.iter().sum::<f64>(), beyond), (400.0, 1));
@@ -78,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_handful_of_runs_has_no_histogram() {
-        assert!(nees(3, &[3.0; FEWEST - 1]).is_none());
-        assert!(nees(0, &[3.0; FEWEST]).is_none());
+        assert!(histogram_of(3, &[3.0; FEWEST - 1]).is_none());
+        assert!(histogram_of(0, &[3.0; FEWEST]).is_none());
     }
 }
