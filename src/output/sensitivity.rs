@@ -12,12 +12,15 @@ pub fn print(found: &Sensitivity) {
     if found.things.is_empty() {
         return line("the scenario models everything of usual size");
     }
-    let headings: Vec<&str> = ["state", "unit", "sigma"]
-        .into_iter()
-        .chain(found.things.iter().map(String::as_str))
-        .chain([""])
-        .collect();
-    let mut rows = table(&headings);
+    // the names are wider than the numbers below them
+    line("change of the end by");
+    let numbers: Vec<String> = (1..=found.things.len()).map(|k| format!("({k})")).collect();
+    for (number, thing) in numbers.iter().zip(&found.things) {
+        line(format_args!("  {number} {thing}"));
+    }
+    let headings = ["state", "unit", "sigma"].into_iter();
+    let headings = headings.chain(numbers.iter().map(String::as_str)).chain([""]);
+    let mut rows = table(&headings.collect::<Vec<_>>());
     found.rows.iter().for_each(|row| {
         rows.add_row(cells(row));
     });
