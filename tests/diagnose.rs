@@ -359,3 +359,21 @@ fn a_run_that_ends_early_has_no_sensitivity_but_an_error_with_the_reason() {
     let error = found.expect_err("the gap ends the run").to_string();
     assert!(error.starts_with("the run ends early: ") && error.contains("max_gap"), "{error}");
 }
+
+/// The heading is far from north, so that roll and pitch are not the tilts about north and east.
+#[test]
+fn the_sigmas_beside_the_sensitivities_are_those_of_the_run() {
+    let document = Document::parse("dive.toml", DIVE).expect("the scenario is TOML");
+    let registry = navfuse::standard_plugins();
+    let scenario = Scenario::new(&registry, document.clone(), &[]).expect("it is a scenario");
+    let assembly = scenario.assemble(None).expect("the scenario composes");
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    let expected = finished.summary.rows.iter().filter(|row| row.sigma.iter().any(|s| *s > 0.0));
+    let expected: Vec<f64> = expected.flat_map(|row| row.sigma.clone()).collect();
+    let options = Options { threads: 1, seconds: 1.0 };
+    let stop = AtomicBool::new(false);
+    let found = sensitivity(&registry, &document, &options, &stop, &|_, _| {}).expect("it runs");
+    assert_eq!(found.rows.iter().map(|row| row.sigma).collect::<Vec<_>>(), expected);
+    let position = found.rows.iter().filter(|row| row.state == "ins.position");
+    assert!(position.map(|row| row.component.as_str()).eq(["north", "east", "down"]));
+}

@@ -109,6 +109,15 @@ impl Block {
         self.tangent.is_some() && self.spec.mode == Mode::Estimate
     }
 
+    /// Name of a component of sigma and error, or its number where it has none.
+    pub fn component(&self, k: usize) -> String {
+        let names = match self.operations.reading {
+            crate::state::manifold::Reading::Tangent => &["north", "east", "down"],
+            _ => self.spec.display.components,
+        };
+        names.get(k).map_or_else(|| k.to_string(), |name| (*name).to_owned())
+    }
+
     /// Coordinates in the display unit; latitude and longitude in degrees.
     pub fn show(&self, values: &[f64], out: &mut [f64]) {
         let n = self.operations.tangent;

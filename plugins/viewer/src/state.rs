@@ -80,12 +80,8 @@ impl BlockSeries {
             Reading::Angles => std::f64::consts::PI / block.spec.display.scale,
             _ => f64::INFINITY,
         };
-        let names = match block.operations.reading {
-            Reading::Tangent => &["north", "east", "down"],
-            _ => block.spec.display.components,
-        };
         let component = |k: usize| Component {
-            name: names.get(k).map_or_else(|| k.to_string(), |n| (*n).to_owned()),
+            name: block.component(k),
             unit,
             tally: Tally::default(),
             plots: None,

@@ -4,7 +4,6 @@ use navfuse_core::compose::Composition;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::sensor::Sensor;
 use navfuse_core::state::Layout;
-use navfuse_core::state::manifold::Reading;
 use serde::{Deserialize, Serialize};
 
 /// One component of a state block.
@@ -71,15 +70,11 @@ impl Columns {
             if self.blocks.iter().any(|b| b.name == block.name) {
                 continue;
             }
-            let names = match block.operations.reading {
-                Reading::Tangent => &["north", "east", "down"],
-                _ => block.spec.display.components,
-            };
             let dimension = block.operations.tangent;
             self.blocks.push(BlockColumns { name: block.name.clone(), dimension, known });
             self.components.extend((0..dimension).map(|k| Component {
                 state: block.name.clone(),
-                component: names.get(k).map_or_else(|| k.to_string(), |n| (*n).to_owned()),
+                component: block.component(k),
                 unit: block.spec.display.unit.to_owned(),
             }));
         }

@@ -32,7 +32,7 @@ pub struct Row {
     /// Name of the state, such as `ins.attitude`.
     pub state: String,
     /// Name of the component, such as `yaw`.
-    pub component: &'static str,
+    pub component: String,
     /// Unit of the numbers.
     pub unit: &'static str,
     /// 1-sigma at the end of the run.
@@ -110,7 +110,7 @@ fn ended(
 }
 
 impl Ended {
-    /// Difference of the estimate of another run, in the error state of this one.
+    /// Difference of the estimate of another run, in the units of the table.
     fn moved(&self, other: &Self) -> Vec<f64> {
         let mut delta = vec![0.0; self.layout.tangent];
         if let Some(((before, _), (after, _))) = self.last.0.as_ref().zip(other.last.0.as_ref()) {
@@ -120,10 +120,27 @@ impl Ended {
                     state.values[block.range()].copy_from_slice(&after.values[same.range()]);
                 }
             }
-            let known = vec![true; self.layout.blocks.len()];
-            self.layout.error(&state, before, &known, &mut delta);
+            for block in self.uncertain() {
+                block.show_error(&state.values, &before.values, &mut delta[block.tangent_range()]);
+            }
         }
         delta
+    }
+
+    /// The blocks that have an uncertainty.
+    fn uncertain(&self) -> impl Iterator<Item = &Block> {
+        self.layout.blocks.iter().filter(|block| block.tangent.is_some())
+    }
+
+    /// 1-sigma of each error, in the units of the table.
+    fn sigmas(&self) -> Vec<f64> {
+        let mut sigmas = vec![f64::NAN; self.layout.tangent];
+        if let Some((state, covariance)) = &self.last.0 {
+            for block in self.uncertain() {
+                block.show_sigma(&state.values, covariance, &mut sigmas[block.tangent_range()]);
+            }
+        }
+        sigmas
     }
 
     /// The table of the changes.
@@ -139,24 +156,24 @@ impl Ended {
         // a thing that does not fit the scenario on every axis has no size
         let ran: Vec<usize> =
             (0..things.len()).filter(|k| of(*k).count() == things[*k].axes.len()).collect();
-        let blocks = self.layout.blocks.iter().filter(|block| block.tangent.is_some());
-        let rows = blocks.flat_map(|block| block.tangent_range().map(move |i| (block, i)));
-        let row = |(block, i): (&Block, usize)| {
-            let display = &block.spec.display;
-            let covariance = self.last.0.as_ref().map(|(_, covariance)| covariance);
-            let sigma = covariance.map_or(f64::NAN, |p| p.sigma(i));
-            let moves: Vec<f64> = ran.iter().map(|k| size(*k, i)).collect();
+        let sigmas = self.sigmas();
+        let row = |(block, k): (&Block, usize)| {
+            let i = block.tangent_range().start + k;
+            let moves: Vec<f64> = ran.iter().map(|thing| size(*thing, i)).collect();
             Row {
                 state: block.name.clone(),
-                component: display.components[i - block.tangent_range().start],
-                unit: display.unit,
-                exceeds: moves.iter().any(|moved| *moved > sigma),
-                sigma: sigma / display.scale,
-                moves: moves.into_iter().map(|moved| moved / display.scale).collect(),
+                component: block.component(k),
+                unit: block.spec.display.unit,
+                exceeds: moves.iter().any(|moved| *moved > sigmas[i]),
+                sigma: sigmas[i],
+                moves,
             }
         };
+        let components =
+            self.uncertain().flat_map(|b| (0..b.operations.tangent).map(move |k| (b, k)));
+        let rows = components.map(row).collect();
         let things = ran.iter().map(|k| things[*k].text.clone()).collect();
-        Sensitivity { things, rows: rows.map(row).collect(), interrupted }
+        Sensitivity { things, rows, interrupted }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The uncertain components of a state, and the verdict on each.
 
 use nalgebra::DMatrix;
-use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
+use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Block, Layout, Mode};
 use serde::Serialize;
 
@@ -27,13 +27,9 @@ impl Component {
     pub fn of(layout: &Layout) -> Vec<Self> {
         let uncertain = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
         let components = uncertain.flat_map(|(slot, block)| {
-            let names = match block.operations.reading {
-                Reading::Tangent => &["north", "east", "down"],
-                _ => block.spec.display.components,
-            };
             (0..block.operations.tangent).map(move |axis| Self {
                 state: block.name.clone(),
-                name: names.get(axis).map_or_else(|| axis.to_string(), |n| (*n).to_owned()),
+                name: block.component(axis),
                 unit: block.spec.display.unit,
                 slot,
                 axis,
