@@ -2,6 +2,7 @@
 
 mod folders;
 mod positions;
+mod senses;
 mod times;
 
 use crate::Recorded;
@@ -171,5 +172,9 @@ const ACCURACIES: &str = "Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(
 
 /// All programs.
 pub fn all() -> impl Iterator<Item = &'static Program> {
-    folders::PROGRAMS.iter().chain(&times::PROGRAMS).chain(&positions::PROGRAMS)
+    folders::PROGRAMS
+        .iter()
+        .chain(&times::PROGRAMS)
+        .chain(&positions::PROGRAMS)
+        .chain(&senses::PROGRAMS)
 }

@@ -4,7 +4,8 @@
 //! Over an interval, let `a` be the change of velocity along and across the course of the vehicle and
 //! `f` the integral of the specific force along two horizontal axes, both as complex numbers. Then
 //! `a = e^(i alpha) f + noise`, and the least squares estimate of the turn is
-//! `alpha = arg sum conj(f) a`.
+//! `alpha = arg sum conj(f) a`. The senses of rates and forces compete: each of four explanations
+//! integrates the samples by itself, and is scored by what remains of the accelerations and turns.
 
 use crate::clocks::Inertial;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -25,6 +26,9 @@ const MANOEUVRE: f64 = 0.05;
 const DETERMINED: f64 = 0.07;
 /// Largest distance, rad, from a quarter turn that is one: 20 deg.
 const QUARTER: f64 = 0.35;
+/// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is
+/// taken: 1e5 : 1.
+const EVIDENT: f64 = 23.0;
 
 /// The turn about the vertical by which two vectors differ, rad, with its 1-sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +37,61 @@ pub struct Turn {
     pub angle: f64,
     /// Its 1-sigma, rad.
     pub sigma: f64,
+}
+
+/// What is wrong with the senses of an inertial unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sense {
+    /// Nothing.
+    Right,
+    /// Its axes form a left-handed set.
+    LeftHanded,
+    /// Its rates are negative.
+    Rates,
+    /// Its specific forces are negative: those of Apple's devices point along gravity at rest.
+    Forces,
+}
+
+impl Sense {
+    const ALL: [Self; 4] = [Self::Right, Self::LeftHanded, Self::Rates, Self::Forces];
+
+    /// The rates and forces with the right senses.
+    fn right(self, rate: [f64; 3], force: [f64; 3]) -> [[f64; 3]; 2] {
+        match self {
+            Self::Right => [rate, force],
+            Self::LeftHanded => [rate, force].map(|[x, y, z]| [x, -y, z]),
+            Self::Rates => [rate.map(|w| -w), force],
+            Self::Forces => [rate, force.map(|f| -f)],
+        }
+    }
+}
+
+/// The integrals of an inertial unit in each of the senses.
+#[derive(Clone, Debug, Default)]
+pub struct Senses([Inertial; 4]);
+
+impl Senses {
+    /// Takes the mean angular rate and specific force of the interval that ends at a time.
+    pub fn add(&mut self, time: f64, interval: f64, rate: [f64; 3], force: [f64; 3]) {
+        for (inertial, sense) in self.0.iter_mut().zip(Sense::ALL) {
+            let [rate, force] = sense.right(rate, force);
+            inertial.add(time, interval, rate, force);
+        }
+    }
+
+    /// The integrals in the senses of the samples.
+    pub fn as_they_are(&self) -> &Inertial {
+        &self.0[0]
+    }
+}
+
+/// The turn of an inertial unit against the course of its vehicle, and its senses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounted {
+    /// The turn in the right sense.
+    pub turn: Turn,
+    /// What is wrong with its senses.
+    pub sense: Sense,
 }
 
 /// A signed axis of an instrument: its index, and its sign.
@@ -112,9 +171,19 @@ impl Sums {
         self.squares[1] += a[0] * a[0] + a[1] * a[1];
     }
 
+    fn correlation(&self) -> f64 {
+        let [re, im] = self.product;
+        re.hypot(im) / (self.squares[0] * self.squares[1]).sqrt()
+    }
+
+    /// What remains of the sum of squares of `a`.
+    fn rest(&self) -> f64 {
+        self.squares[1] * (1.0 - self.correlation().powi(2)).max(f64::EPSILON)
+    }
+
     fn turn(&self) -> Option<Turn> {
         let [re, im] = self.product;
-        let correlation = re.hypot(im) / (self.squares[0] * self.squares[1]).sqrt();
+        let correlation = self.correlation();
         let rest = (1.0 - correlation * correlation).max(0.0);
         // the noise of one interval turns the sum by this angle; the pairs overlap by no more than two
         let sigma = (rest / self.count as f64).sqrt() / correlation;
@@ -151,21 +220,39 @@ fn inertial(imu: &Inertial, from: f64, to: f64, axis: Axis) -> Option<([f64; 2],
     Some(([along(x), along(y)], sign * (b[k] - a[k])))
 }
 
-/// The turn of an inertial unit with this mean specific force against the course of a vehicle, whose
-/// rows have time, velocity north and velocity east.
-pub fn against_course(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<Turn> {
+/// The turn and the sense of an inertial unit with this mean specific force against the course of a
+/// vehicle, whose rows have time, velocity north and velocity east.
+pub fn against_course(imu: &Senses, force: [f64; 3], rows: &[[f64; 3]]) -> Option<Mounted> {
+    let mut best: Option<(f64, Mounted)> = None;
+    for (inertial, sense) in imu.0.iter().zip(Sense::ALL) {
+        let [_, force] = sense.right([0.0; 3], force);
+        let Some((turn, cost)) = sensed(inertial, force, rows) else { continue };
+        // the less usual sense must be far more likely
+        let margin = if sense == Sense::Right { 0.0 } else { EVIDENT };
+        if best.is_none_or(|(least, _)| cost + margin < least) {
+            best = Some((cost + margin, Mounted { turn, sense }));
+        }
+    }
+    best.map(|(_, mounted)| mounted)
+}
+
+/// The turn in one sense, and minus twice the logarithm of its likelihood.
+fn sensed(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<(Turn, f64)> {
     let axis = down(force)?;
-    let mut sums = Sums::default();
+    let (mut sums, mut turns) = (Sums::default(), 0.0);
     for [a, b] in pairs(rows) {
         let [before, after] = [a, b].map(|row| row[1].hypot(row[2]));
-        let Some((f, _)) = inertial(imu, a[0], b[0], axis) else { continue };
+        let Some((f, rotated)) = inertial(imu, a[0], b[0], axis) else { continue };
         if before > SLOWEST && after > SLOWEST {
             let [from, to] = [a, b].map(|row| row[2].atan2(row[1]));
             let turned = (to - from + PI).rem_euclid(TAU) - PI;
             sums.add(f, [after - before, 0.5 * (before + after) * turned]);
+            turns += (turned - rotated).powi(2);
         }
     }
-    sums.turn()
+    // the pairs overlap: half of them are independent
+    let cost = 0.5 * sums.count as f64 * (sums.rest().ln() + turns.max(f64::MIN_POSITIVE).ln());
+    Some((sums.turn()?, cost))
 }
 
 /// The turn from the axes of a velocity log, whose rows have time and velocity forward, right and
@@ -229,7 +316,7 @@ mod tests {
             force[k] = -9.81 * sign;
             for quarter in 0..4 {
                 let axes = named(force, quarter).unwrap();
-                let (mut imu, mut rows, mut course) = (Inertial::default(), Vec::new(), 0.0_f64);
+                let (mut imu, mut rows, mut course) = (Senses::default(), Vec::new(), 0.0_f64);
                 for step in 1..12_000 {
                     let t = 0.01 * f64::from(step);
                     let [speed, turn, acceleration] = motion(t);
@@ -241,13 +328,53 @@ mod tests {
                         rows.push([t, speed * course.cos(), speed * course.sin()]);
                     }
                 }
-                let turn = against_course(&imu, force, &rows).unwrap();
+                let Mounted { turn, sense } = against_course(&imu, force, &rows).unwrap();
                 let quarters = quarters(turn).unwrap();
                 assert_eq!(named(force, quarters).unwrap(), axes, "{turn:?}");
+                assert_eq!(sense, Sense::Right);
                 found.insert(axes);
             }
         }
         assert_eq!(found.len(), 24);
+    }
+
+    #[test]
+    fn negative_rates_negative_forces_and_left_handed_axes_are_found_by_the_course() {
+        for (rates, forces, right, sense) in [
+            (-1.0, 1.0, 1.0, Sense::Rates),
+            (1.0, -1.0, 1.0, Sense::Forces),
+            (1.0, 1.0, -1.0, Sense::LeftHanded),
+            (1.0, 1.0, 1.0, Sense::Right),
+        ] {
+            let (mut imu, mut rows, mut course) = (Senses::default(), Vec::new(), 0.0_f64);
+            for step in 1..6000 {
+                let t = 0.01 * f64::from(step);
+                let [speed, turn, acceleration] = motion(t);
+                course += 0.01 * turn;
+                let force = [acceleration, right * speed * turn, -9.81].map(|f| forces * f);
+                imu.add(t, 0.01, [0.0, 0.0, rates * turn], force);
+                if step % 20 == 0 {
+                    rows.push([t, speed * course.cos(), speed * course.sin()]);
+                }
+            }
+            let found = against_course(&imu, [0.0, 0.0, -9.81 * forces], &rows).unwrap();
+            assert_eq!(found.sense, sense, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_never_turns_shows_no_mirror() {
+        let (mut imu, mut rows) = (Senses::default(), Vec::new());
+        for step in 1..6000 {
+            let t = 0.01 * f64::from(step);
+            let [speed, _, acceleration] = motion(t);
+            imu.add(t, 0.01, [0.0; 3], [acceleration, 0.0, -9.81]);
+            if step % 20 == 0 {
+                rows.push([t, speed, 0.0]);
+            }
+        }
+        let found = against_course(&imu, [0.0, 0.0, -9.81], &rows).unwrap();
+        assert_eq!(found.sense, Sense::Right, "{found:?}");
     }
 
     #[test]
@@ -286,7 +413,7 @@ mod tests {
 
     #[test]
     fn a_vehicle_at_rest_shows_no_turn_and_a_tilted_unit_no_axis() {
-        let mut imu = Inertial::default();
+        let mut imu = Senses::default();
         (1..3000).for_each(|k| imu.add(0.01 * f64::from(k), 0.01, [0.0; 3], [0.0, 0.0, -9.81]));
         let rows: Vec<[f64; 3]> = (0..100).map(|k| [0.2 * f64::from(k), 0.0, 0.0]).collect();
         assert_eq!(against_course(&imu, [0.0, 0.0, -9.81], &rows), None);

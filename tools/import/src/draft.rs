@@ -325,6 +325,10 @@ fn lever_arm(out: &mut Text, part: &Part, question: &str) {
         Some([x, y, z]) => {
             out.line(&format!("lever_arm = [\"{x} m\", \"{y} m\", \"{z} m\"]  # of /tf_static"));
         }
+        // an unknown one is a state of the filter, where the sensor can have it as one
+        None if ["dvl", "gnss"].contains(&part.found.kind) => {
+            out.ask("lever_arm = { sigma = \"0.5 m\" }", question);
+        }
         None => out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", question),
     }
 }

@@ -19,7 +19,7 @@ mod stream;
 mod table;
 mod vehicle;
 
-pub use axes::Turn;
+pub use axes::{Mounted, Sense, Turn};
 pub use clocks::ClockOffset;
 pub use draft::MARK;
 pub use found::OdometryUse;

@@ -1,6 +1,6 @@
 //! What the samples of a recording show: axes, units, clocks and mountings, which the scenario corrects.
 
-use crate::axes::{self, Turn};
+use crate::axes::{self, Sense, Turn};
 use crate::recording::{Part, Reader, Recording};
 use crate::stream::StreamSurvey;
 
@@ -33,6 +33,10 @@ pub struct Samples {
     axes: Option<[String; 3]>,
     /// Set if rates are in deg/s.
     degrees: bool,
+    /// Set if rates, and specific forces, are negative.
+    negative: [bool; 2],
+    /// Set if the second axis was turned, because the axes formed a left-handed set.
+    mirrored: bool,
     /// Set if a depth counts upwards.
     upwards: bool,
     /// Shift of the stamps, s.
@@ -54,10 +58,16 @@ impl Samples {
     pub fn line(&self) -> Option<String> {
         let axes =
             self.axes.as_ref().map(|[x, y, z]| format!("axes = [\"{x}\", \"{y}\", \"{z}\"]"));
-        let factor = self.degrees.then(|| {
-            let unit = 1_f64.to_radians();
-            format!("factor = {{ gyro_x = {unit}, gyro_y = {unit}, gyro_z = {unit} }}")
+        let unit = if self.degrees { 1_f64.to_radians() } else { 1.0 };
+        let sizes = [("gyro", unit), ("accel", 1.0)];
+        let factors = sizes.iter().zip(self.negative).filter_map(|((name, size), negative)| {
+            let size = if negative { -size } else { *size };
+            let vector = || ["x", "y", "z"].map(|axis| format!("{name}_{axis} = {size}"));
+            (size != 1.0).then(|| vector().join(", "))
         });
+        let factors: Vec<String> = factors.collect();
+        let factor =
+            (!factors.is_empty()).then(|| format!("factor = {{ {} }}", factors.join(", ")));
         let depth = self.upwards.then(|| "factor = { depth = -1 }".to_owned());
         let clock = self.clock.map(|clock| format!("clock = \"{clock:.3} s\""));
         let keys: Vec<String> = [axes, factor, depth, clock].into_iter().flatten().collect();
@@ -81,6 +91,7 @@ impl Recording {
             || self.turn_depth(streams)
             || self.turn_log(streams)
             || self.shift(streams)
+            || self.right_senses(streams)
             || self.turn(streams)
             || self.mount(streams)
     }
@@ -221,10 +232,9 @@ impl Recording {
     /// Turns the IMU about the vertical by the course of a receiver. A velocity log shows the axes of
     /// its own, and a vehicle with one may move sideways.
     fn turn(&mut self, streams: &[StreamSurvey]) -> bool {
-        let turn = find(streams, "gnss").and_then(|s| s.turn);
+        let turn = find(streams, "gnss").and_then(|s| s.course).map(|course| course.turn);
         let Some(quarters) = turn.and_then(axes::quarters) else { return false };
-        let sideways = ["dvl", "compass"].iter().any(|name| self.part(name).is_some());
-        if quarters == 0 || sideways || std::mem::replace(&mut self.turned[1], true) {
+        if quarters == 0 || self.moves_sideways() || std::mem::replace(&mut self.turned[1], true) {
             return false;
         }
         let Some(relative) = axes::named([0.0, 0.0, -1.0], quarters) else { return false };
@@ -235,6 +245,49 @@ impl Recording {
         self.notes.push(format!("imu: {text}"));
         self.ask(&text);
         self.set_axes(relative);
+        true
+    }
+
+    /// Tests whether the vehicle may move sideways, so that its course is no heading.
+    fn moves_sideways(&self) -> bool {
+        ["dvl", "compass"].iter().any(|name| self.part(name).is_some())
+    }
+
+    /// Turns the signs of rates or forces that are negative, and of an axis of a left-handed set, by
+    /// the course of a receiver.
+    fn right_senses(&mut self, streams: &[StreamSurvey]) -> bool {
+        let course = find(streams, "gnss").and_then(|s| s.course);
+        let sense = course.map_or(Sense::Right, |course| course.sense);
+        let increments = find(streams, "imu").is_some_and(|imu| imu.channel("dvel_x").is_some());
+        if self.moves_sideways() || increments {
+            return false;
+        }
+        let text = match sense {
+            Sense::Right => return false,
+            Sense::LeftHanded => "its axes form a left-handed set: y is turned",
+            Sense::Rates => "its rates are negative: their signs are turned",
+            Sense::Forces => "its specific forces are negative: their signs are turned",
+        };
+        let Some(part) = self.part_mut("imu") else { return false };
+        // each sense is turned once
+        match sense {
+            Sense::LeftHanded if !part.samples.mirrored => {
+                part.samples.mirrored = true;
+                part.samples.turn(["x", "-y", "z"].map(str::to_owned));
+            }
+            Sense::Rates if !part.samples.negative[0] => part.samples.negative[0] = true,
+            Sense::Forces if !part.samples.negative[1] => {
+                part.samples.negative[1] = true;
+                // the vertical, which the forces show, points the other way
+                part.samples.axes = None;
+                part.found.source.retain(|key| key != "axes = \"frd\"");
+                self.turned = [false; 2];
+            }
+            _ => return false,
+        }
+        let text = format!("{text}, by the course and the accelerations of the receiver");
+        self.notes.push(format!("imu: {text}"));
+        self.ask(&text);
         true
     }
 

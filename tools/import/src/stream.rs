@@ -1,7 +1,7 @@
 //! What the samples of a sensor show.
 
-use crate::axes::{self, Turn};
-use crate::clocks::{self, ClockOffset, Inertial, Measured};
+use crate::axes::{self, Mounted, Senses, Turn};
+use crate::clocks::{self, ClockOffset, Measured};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
@@ -56,8 +56,10 @@ pub struct StreamSurvey {
     pub fastest: f64,
     /// The clock, compared with that of the IMU; `None` where the motion does not show it.
     pub clock: Option<ClockOffset>,
-    /// The turn of the IMU against the course of a receiver, or of a velocity log against the IMU.
+    /// The turn of a velocity log against the IMU.
     pub turn: Option<Turn>,
+    /// The turn and the senses of the IMU against the course of a receiver.
+    pub course: Option<Mounted>,
     /// Correlation of the third velocity of a log with the rate of the depth.
     pub sinks: Option<f64>,
 }
@@ -66,7 +68,7 @@ pub struct StreamSurvey {
 enum Motion {
     None,
     /// Indices of the first gyro and of the first accelerometer; set for increments.
-    Inertial(Box<Inertial>, [usize; 2], bool),
+    Inertial(Box<Senses>, [usize; 2], bool),
     /// Index of the first of three velocities.
     Velocity(Measured, usize),
     /// Index of the heading.
@@ -340,6 +342,7 @@ pub fn survey(
                 fastest: 0.0,
                 clock: None,
                 turn: None,
+                course: None,
                 sinks: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
@@ -404,15 +407,19 @@ fn compare(running: &mut [Running]) {
     });
     for one in running {
         let Some(measured) = one.motion.measured() else { continue };
-        one.survey.clock = clocks::compare(&imu, measured);
+        one.survey.clock = clocks::compare(imu.as_they_are(), measured);
         if let (Measured::Velocity(log), Some(depth)) = (measured, &depth) {
             one.survey.sinks = axes::sinks(log, depth);
         }
-        one.survey.turn = force.and_then(|force| match measured {
-            Measured::Ground(rows) => axes::against_course(&imu, force, rows),
-            Measured::Velocity(rows) => axes::of_log(&imu, force, rows),
-            Measured::Heading(_) => None,
-        });
+        match (force, measured) {
+            (Some(force), Measured::Ground(rows)) => {
+                one.survey.course = axes::against_course(&imu, force, rows);
+            }
+            (Some(force), Measured::Velocity(rows)) => {
+                one.survey.turn = axes::of_log(imu.as_they_are(), force, rows);
+            }
+            _ => {}
+        }
     }
 }
 

@@ -16,6 +16,7 @@ mod bounded;
 mod cells;
 mod columns;
 pub mod config;
+mod counter;
 mod folder;
 mod headings;
 mod join;

@@ -11,6 +11,8 @@ use navfuse_core::units::time::{Span, Time};
 
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
+/// Part of a period by which a clock may be silent around its end: a minute and a half of a day.
+const SHARE: i64 = 1024;
 
 /// The columns of the time.
 pub struct TimeCell {
@@ -130,6 +132,28 @@ impl TimeCell {
             Form::Date(..) => "a date such as 2022-06-01T08:30:00.25Z is needed",
             Form::Day => "a time of the day such as 08:30:00.25 is needed",
         }
+    }
+
+    /// The period after which the clock starts again from zero, if stamps that fell from `before` to
+    /// `time` show one: 16, 24 or 32 bits, an hour, a day or a week. `step` is the last interval
+    /// between two stamps.
+    pub fn period(&self, before: Time, time: Time, step: Span) -> Option<Span> {
+        let spans = [3600, 86_400, 604_800].map(|seconds| seconds * 1_000_000_000);
+        let periods: Vec<i64> = match self.form {
+            Form::Number(unit, None) => {
+                let counts = [16, 24, 32].map(|bits| (1_i64 << bits).saturating_mul(unit as i64));
+                counts.into_iter().chain(spans).collect()
+            }
+            Form::Day => vec![spans[1]],
+            Form::Number(..) | Form::Date(..) | Form::Fields(..) | Form::Week(..) => Vec::new(),
+        };
+        let [from, to] = [before, time].map(|time| (time - self.offset).nanos());
+        let goes_on = |period: &i64| {
+            let gap = period.saturating_sub(from).saturating_add(to);
+            let largest = (period / SHARE).max(3 * step.nanos().min(period / 64));
+            to >= 0 && from < *period && gap > 0 && gap <= largest
+        };
+        periods.into_iter().find(goes_on).map(Span::from_nanos)
     }
 
     /// The time of a row.

@@ -3,6 +3,7 @@
 use crate::bounded::{Bounded, Form};
 use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
 use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
+use crate::counter::Counter;
 use crate::stamp::TimeCell;
 use crate::tail;
 use crate::time::{self, TimeError};
@@ -61,7 +62,7 @@ pub struct Stream {
     note: Option<(Level, String)>,
     disorder: Disorder,
     nan: Nan,
-    before: Option<Time>,
+    counter: Counter,
     /// Set if a row that repeats the last sample is none, and this sample.
     changes_only: bool,
     last: Option<Sample>,
@@ -144,7 +145,7 @@ impl Stream {
             note,
             disorder: config.disorder,
             nan: config.nan,
-            before: None,
+            counter: Counter::default(),
             changes_only: config.changes_only,
             last: None,
             end: None,
@@ -251,6 +252,7 @@ impl Stream {
             return Err(Problem { kind: StreamErrorKind::Format, text, cut: found < needed });
         }
         let time = self.time.of(&self.record).map_err(|e| self.no_time(e))?;
+        let (time, period) = self.counter.time(&self.time, time);
         *sample = Sample::empty(time, self.sensor);
         for channel in &self.channels {
             match channel.value(&self.record) {
@@ -262,12 +264,12 @@ impl Stream {
         if time.nanos() == 0 && self.end.is_some_and(|end| end > DATED) {
             return Ok(Row::Unused(Unused::NoStamp));
         }
-        match self.before {
+        match self.counter.before() {
             Some(before) if time <= before => match self.disorder {
                 Disorder::Skip => return Ok(Row::Unused(Unused::Order)),
                 Disorder::Error => return Err(self.out_of_order(before, time)),
             },
-            _ => self.before = Some(time),
+            _ => self.counter.go_on(time, period),
         }
         if self.status.refuses(&self.record) {
             return Ok(Row::Unused(Unused::Invalid));
@@ -406,7 +408,8 @@ impl Source for Stream {
 
     fn warning(&mut self) -> Option<String> {
         let unused = std::mem::take(&mut self.unused).texts(&self.path);
-        let texts: Vec<String> = unused.into_iter().chain(self.cut.take()).collect();
+        let turns = self.counter.text(&self.path);
+        let texts: Vec<String> = unused.into_iter().chain(self.cut.take()).chain(turns).collect();
         (!texts.is_empty()).then(|| texts.join("; "))
     }
 }

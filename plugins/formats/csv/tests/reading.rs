@@ -218,6 +218,29 @@ fn rows_out_of_order_are_left_out_where_asked_and_counted() {
 }
 
 #[test]
+fn a_clock_that_starts_again_from_zero_goes_on_and_one_that_was_reset_does_not() {
+    let column = |unit: &str, stamps: &[&str]| {
+        let rows: String = stamps.iter().map(|t| format!("{t},1,2,3\n")).collect();
+        let text = format!("time_{unit},vel_x_mps,vel_y_mps,vel_z_mps\n{rows}");
+        read_dvl(text, "disorder = \"skip\"").unwrap()
+    };
+    let read = column("ms", &["65332", "65532", "196", "65533", "396"]);
+    // the fourth row is late by 199 ms
+    assert_eq!(read.nanos(), [65_332, 65_532, 65_732, 65_932].map(|t| t * 1_000_000));
+    let text = "dvl.csv:5: row is left out, not later than the row before; dvl.csv: the time \
+                started again from zero once, after 65.536 s: it goes on";
+    assert_eq!(read.warning.unwrap(), text);
+    let read = column("us", &["4294900000", "4294950000", "32704", "82704"]);
+    assert_eq!(read.nanos().len(), 4);
+    assert_eq!(read.nanos()[2], 4_295_000_000_000);
+    let week = column("s", &["604799.8", "604799.9", "0", "0.1"]);
+    assert_eq!(week.nanos()[3], 604_800_100_000_000);
+    for reset in [["40000", "40200", "0", "200"], ["65100", "65300", "40000", "40200"]] {
+        assert_eq!(column("ms", &reset).nanos().len(), 2, "{reset:?}");
+    }
+}
+
+#[test]
 fn a_file_that_was_cut_off_ends_with_a_warning() {
     for rest in ["2", "2,4", "2,4,5", "2,4,5,", "2,4,5,-", "2,4,5,1.5e-", "\0\0\0"] {
         let read = read_dvl(format!("{DVL_HEADER}1,1,2,3\n{rest}"), "").unwrap();

@@ -196,6 +196,15 @@ impl<'a> Table<'a> {
 
     /// The reason why no sensor is recognised.
     fn unknown(&self) -> String {
+        let headings = || self.layout.headings.iter().map(|h| h.to_lowercase());
+        if ["easting", "northing"].iter().all(|word| headings().any(|h| h.contains(word))) {
+            return format!(
+                "its positions are easting and northing on a map, among the columns {}: write \
+                 latitude and longitude beside them (cs2cs of PROJ converts them), or the position \
+                 as Earth-fixed x, y, z",
+                self.listed()
+            );
+        }
         format!(
             "no sensor is recognised by its columns {}; rename them, such as gyro_x_radps, or map \
              them with `columns` in a scenario",

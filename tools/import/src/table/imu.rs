@@ -95,7 +95,9 @@ impl Table<'_> {
         if stated.is_none() && self.any_stated(channels) {
             return None;
         }
-        let differs = stated.as_ref().is_some_and(|unit| !same(unit, &shown.unit));
+        // the numbers decide between radians and degrees alone
+        let compared = |unit: &String| ["rad/s", "deg/s", "rad", "deg"].iter().any(|u| same(unit, u));
+        let differs = stated.as_ref().is_some_and(|u| compared(u) && !same(u, &shown.unit));
         Some(settle("the angular rate", stated, shown, strong && differs, questions))
     }
 }

@@ -28,8 +28,7 @@ fn first_word(line: &str) -> Option<&str> {
     (named && word.len() < line.len()).then_some(word)
 }
 
-/// The kinds of rows, if nearly all lines begin with the name of a kind and the kinds differ in their
-/// numbers of cells.
+/// The kinds of rows, if nearly all lines begin with the name of a kind.
 fn kinds(text: &str) -> Vec<Kind<'_>> {
     let lines: Vec<&str> =
         text.lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#')).collect();
@@ -44,12 +43,17 @@ fn kinds(text: &str) -> Vec<Kind<'_>> {
             None => return Vec::new(),
         }
     }
+    let several = kinds.iter().filter(|kind| kind.lines.len() > 1).count() > 1;
+    let most = named >= LINES && f64::from(named as u32) >= SHARE * lines.len() as f64;
+    if several && most { kinds } else { Vec::new() }
+}
+
+/// Tests whether kinds differ in their numbers of cells.
+fn of_several_widths(kinds: &[Kind<'_>]) -> bool {
     let cells = |kind: &Kind<'_>| kind.lines[0].split([',', ';', '\t']).count();
     let mut widths: Vec<usize> = kinds.iter().filter(|k| k.lines.len() > 1).map(cells).collect();
     widths.dedup();
-    let several = widths.len() > 1;
-    let most = named >= LINES && f64::from(named as u32) >= SHARE * lines.len() as f64;
-    if several && most { kinds } else { Vec::new() }
+    widths.len() > 1
 }
 
 /// The headings that a description, or a comment, has for a kind.
@@ -110,5 +114,6 @@ pub fn sensors(text: &str) -> Vec<Found> {
             None => sensors.push(found),
         }
     }
-    sensors
+    // rows of one width with a word before them may be one table
+    if sensors.len() > 1 || of_several_widths(&kinds) { sensors } else { Vec::new() }
 }

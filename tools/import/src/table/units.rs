@@ -243,6 +243,8 @@ const PRESSURES: [(&str, f64); 3] = [("Pa", 2e4), ("hPa", 500.0), ("kPa", 80.0)]
 /// Pressures of the air, Pa, and the range by which a pressure is one of water: 30 cm.
 const AIR: RangeInclusive<f64> = 5e4..=1.1e5;
 const WATER: f64 = 3e3;
+/// Pressures of the air at sea level, bar.
+const SURFACE: RangeInclusive<f64> = 0.97..=1.05;
 
 /// The unit of a pressure of water, and `true` if it counts from vacuum; `None` for one of air.
 pub fn pressure(values: &[f64], stated: Option<&str>) -> Option<(String, bool)> {
@@ -250,8 +252,9 @@ pub fn pressure(values: &[f64], stated: Option<&str>) -> Option<(String, bool)> 
     let (least, most) =
         finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     let by_size = || PRESSURES.iter().find(|(_, number)| least >= *number).map(|(unit, _)| *unit);
-    // a small number is a gauge pressure in decibar, metres of water
-    let unit = stated.or_else(by_size).unwrap_or("dbar");
+    // one bar is the air, and another small number a gauge pressure in decibar, metres of water
+    let in_air = || SURFACE.contains(&least).then_some("bar");
+    let unit = stated.or_else(by_size).or_else(in_air).unwrap_or("dbar");
     let size = factor(unit);
     let absolute = least * size > *AIR.start();
     let wet = (most - least) * size > WATER || most * size > *AIR.end();

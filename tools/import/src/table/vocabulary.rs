@@ -22,8 +22,11 @@ pub struct Meaning {
 pub fn words(heading: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
-    for c in heading.chars() {
-        let turns = c.is_uppercase() && (before.is_lowercase() || before.is_ascii_digit());
+    let mut letters = heading.chars().peekable();
+    while let Some(c) = letters.next() {
+        let begins = before.is_uppercase() && letters.peek().is_some_and(|c| c.is_lowercase());
+        let turns =
+            c.is_uppercase() && (before.is_lowercase() || before.is_ascii_digit() || begins);
         if !c.is_alphanumeric() || turns {
             words.push(String::new());
         }
@@ -42,9 +45,12 @@ pub fn expression(text: &str) -> Option<String> {
     let known = match clean.to_ascii_lowercase().as_str() {
         "g" | "gee" => Some("g"),
         "mg" => Some("mg"),
+        "mdps" => Some("deg/(1000*s)"),
         "dps" | "°/s" | "deg/sec" | "degrees/s" | "degree/s" | "deg s^-1" | "deg.s^-1"
         | "deg s-1" => Some("deg/s"),
-        "rps" | "rad/sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => Some("rad/s"),
+        "rps" | "rad/sec" | "rad_per_sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => {
+            Some("rad/s")
+        }
         "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
         | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
         "m s^-1" | "m.s^-1" | "m/sec" | "m s-1" | "mps" => Some("m/s"),
@@ -67,7 +73,8 @@ pub fn expression(text: &str) -> Option<String> {
     known.map(str::to_owned).or_else(|| valid(clean)).or_else(suffix)
 }
 
-/// The unit of a heading, if it fits the channel. Gyros may name the angle alone.
+/// The unit of a heading, if it fits the channel. Gyros may name the angle alone, and velocities the
+/// length.
 pub fn fitting(unit: &str, si: &str) -> Option<String> {
     let text = expression(unit)?;
     let exponents = |text: &str| parse_unit(text).ok().as_ref().map(Unit::exponents);
@@ -75,7 +82,7 @@ pub fn fitting(unit: &str, si: &str) -> Option<String> {
         Some(text)
     } else {
         let rate = format!("{text}/s");
-        (si == "rad/s" && exponents(&rate) == exponents(si)).then_some(rate)
+        (["rad/s", "m/s"].contains(&si) && exponents(&rate) == exponents(si)).then_some(rate)
     }
 }
 
@@ -154,10 +161,11 @@ fn read(words: &[String], stated: Option<&str>) -> Option<Meaning> {
     let body = &words[..words.len() - usize::from(index.is_some())];
     // the longest end of the heading that is a unit
     let ending = (1..body.len()).find_map(|at| {
-        let unit = body[at..].join("_");
-        let known = column_suffix(&unit).is_some() || expression(&unit).is_some();
         let stem = [&body[..at], index.as_slice()].concat();
-        known.then(|| found(&stem, Some(&unit)).filter(|m| m.unit.is_some())).flatten()
+        [body[at..].join("_"), body[at..].concat()].into_iter().find_map(|unit| {
+            let known = column_suffix(&unit).is_some() || expression(&unit).is_some();
+            known.then(|| found(&stem, Some(&unit)).filter(|m| m.unit.is_some())).flatten()
+        })
     });
     match stated {
         Some(unit) => found(words, Some(unit)).or(ending),

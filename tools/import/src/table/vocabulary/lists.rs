@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 37] = [
+pub const NOISE: [&str; 39] = [
     "field",
     "msg",
     "header",
@@ -39,6 +39,9 @@ pub const NOISE: [&str; 37] = [
     "unix",
     "scaled",
     "ln",
+    // degrees of 1e-7, which the range of the numbers shows
+    "e7",
+    "1e7",
 ];
 
 /// Words before a quantity that make it another one.
@@ -294,6 +297,8 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
             "sec",
             "secs",
             "millis",
+            "ms",
+            "us",
             "micros",
             "timeboot",
             "zeit",

@@ -47,6 +47,14 @@ fn headings_of_many_programs_mean_a_channel_and_a_unit() {
         ("H-Ell", "height", None, 1.0),
         ("GCrs", "course", None, 1.0),
         ("Velocity (m/s)", "speed", Some("m/s"), 1.0),
+        ("UncalAccelXMps2", "accel_x", Some("m/s^2"), 1.0),
+        ("UncalGyroZRadPerSec", "gyro_z", Some("rad/s"), 1.0),
+        ("gyro_x_mdps", "gyro_x", Some("deg/(1000*s)"), 1.0),
+        ("pressure_kPa", "pressure", Some("kPa"), 1.0),
+        ("velocity_x_mm", "vel_x", Some("mm/s"), 1.0),
+        ("lat_e7", "lat", None, 1.0),
+        ("alt_mm", "height", Some("mm"), 1.0),
+        ("ms", "time", None, 1.0),
         ("x-ecef(m)", "x_ecef", Some("m"), 1.0),
     ] {
         let m = meaning(heading).unwrap_or_else(|| panic!("{heading}"));
