@@ -347,7 +347,7 @@ mod tests {
             (1.0, 1.0, 1.0, Sense::Right),
         ] {
             let (mut imu, mut rows, mut course) = (Senses::default(), Vec::new(), 0.0_f64);
-            for step in 1..6000 {
+            for step in 1..12_000 {
                 let t = 0.01 * f64::from(step);
                 let [speed, turn, acceleration] = motion(t);
                 course += 0.01 * turn;
@@ -365,7 +365,7 @@ mod tests {
     #[test]
     fn a_vehicle_that_never_turns_shows_no_mirror() {
         let (mut imu, mut rows) = (Senses::default(), Vec::new());
-        for step in 1..6000 {
+        for step in 1..12_000 {
             let t = 0.01 * f64::from(step);
             let [speed, _, acceleration] = motion(t);
             imu.add(t, 0.01, [0.0; 3], [acceleration, 0.0, -9.81]);

@@ -96,7 +96,8 @@ impl Table<'_> {
             return None;
         }
         // the numbers decide between radians and degrees alone
-        let compared = |unit: &String| ["rad/s", "deg/s", "rad", "deg"].iter().any(|u| same(unit, u));
+        let compared =
+            |unit: &String| ["rad/s", "deg/s", "rad", "deg"].iter().any(|u| same(unit, u));
         let differs = stated.as_ref().is_some_and(|u| compared(u) && !same(u, &shown.unit));
         Some(settle("the angular rate", stated, shown, strong && differs, questions))
     }
