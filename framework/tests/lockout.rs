@@ -392,11 +392,11 @@ fn a_sensor_that_is_isolated_at_the_end_is_reported() {
 
 #[test]
 fn a_growing_covariance_does_not_take_an_isolated_sensor_back() {
-    // 1.5 m off from 20 s on: the sigma of the place is sqrt(0.01 * 600) = 2.4 m in the end, so that
+    // 1.5 m off from 70 s on: the sigma of the place is sqrt(0.01 * 600) = 2.4 m in the end, so that
     // the error would pass the gate
     let mut b = Bench::new(&["sensor.fix.recovery.isolate=\"1 h\""]);
-    for k in 0..620 {
-        let place = if k < 20 { 0.0 } else { 1.5 };
+    for k in 0..670 {
+        let place = if k < 70 { 0.0 } else { 1.5 };
         b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), place);
     }
     assert!(b.variance("cart.place").sqrt() > 2.4, "{:?}", b.log.events);

@@ -204,18 +204,21 @@ impl Ekf {
 
     /// Propagates the covariance over the last step, or over all steps that the pool holds.
     fn move_covariance(&mut self, observer: &mut dyn Observer) {
-        let Parts { propagation, estimate, sensors, signatures, history, .. } = &mut self.parts;
+        let Parts { propagation, estimate, sensors, branch, signatures, history, .. } =
+            &mut self.parts;
         let transition = propagation.move_covariance(&self.stepper, &mut estimate.covariance);
         observer.transition(transition);
         estimate.follow(self.guide.as_deref_mut(), &self.layout, transition);
         observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
-        transition.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
+        let reaches = sensors.iter_mut().map(|slot| &mut slot.reach);
+        transition.carry_reaches(reaches.chain(branch.iter_mut().map(|branch| &mut branch.effect)));
         if let Some(signatures) = signatures {
             signatures.moved(estimate.state.time);
         }
         if let Some(history) = history {
             history.moved(&estimate.state, transition);
         }
+        self.mix();
     }
 
     /// Propagates the covariance to the state's time.

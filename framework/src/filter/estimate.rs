@@ -15,14 +15,16 @@ pub(super) struct Estimate {
     pub(super) covariance: Covariance,
     /// Estimate relative to the state, where the state follows a given trajectory.
     pub(super) offset: Option<Offset>,
+    /// Covariance that contains a branch as well.
+    pub(super) mixture: Option<Covariance>,
 }
 
-saved!(Estimate { state, covariance } except { offset });
+saved!(Estimate { state, covariance } except { offset, mixture });
 
 impl Estimate {
     pub(super) fn new(layout: &Layout) -> Self {
         let (state, covariance) = (layout.initial_state(), Covariance::zero(layout.tangent));
-        Self { state, covariance, offset: None }
+        Self { state, covariance, offset: None, mixture: None }
     }
 
     /// Estimate relative to the state; empty where the state is the estimate.
@@ -42,9 +44,14 @@ impl Estimate {
         }
     }
 
+    /// The covariance as it is reported.
+    pub(super) fn reported(&self) -> &Covariance {
+        self.mixture.as_ref().unwrap_or(&self.covariance)
+    }
+
     /// The estimate as sinks see it.
     pub(super) fn epoch<'a>(&'a self, layout: &'a Layout, truth: Option<Truth<'a>>) -> Epoch<'a> {
-        Epoch { layout, state: &self.state, covariance: &self.covariance, truth }
+        Epoch { layout, state: &self.state, covariance: self.reported(), truth }
     }
 
     /// The estimate as alignments and monitors see it.

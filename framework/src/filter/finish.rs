@@ -12,8 +12,12 @@ impl Ekf {
         self.finish_screening(observer);
         self.finish_pace(observer);
         let time = self.state().time;
+        if let Some(branch) = &self.parts.branch {
+            observer.event(branch.undecided(time, &self.composition.sensors));
+        }
         for (slot, sensor) in self.parts.sensors.iter().zip(&self.composition.sensors) {
-            if let Some((text, limit)) = slot.noise.as_ref().map(NoiseLevel::words) {
+            let level = slot.noise.as_ref().filter(|_| slot.adaptive);
+            if let Some((text, limit)) = level.map(NoiseLevel::words) {
                 let level = if limit { Level::Warning } else { Level::Info };
                 observer.event(Event { time, level, about: slot.name.clone(), text });
             }

@@ -1,6 +1,7 @@
 //! The parts of a filter that own its state.
 
 use super::estimate::Estimate;
+use super::judge::branch::Branch;
 use super::judge::signature::Signatures;
 use super::judge::slot::SensorSlot;
 use super::judge::watch::Watch;
@@ -34,6 +35,8 @@ pub(super) struct Parts {
     pub(super) propagation: Propagation,
     /// Gate, lock-out and tests of each sensor.
     pub(super) sensors: Vec<SensorSlot>,
+    /// The case that the filter does not follow, while nothing decides between both.
+    pub(super) branch: Option<Branch>,
     /// Score tests for errors that nothing models; `None` where they do not hold, or hold no longer.
     pub(super) signatures: Option<Signatures>,
     /// Monitor and detectors.
@@ -56,6 +59,7 @@ impl Saved for Parts {
             screening,
             propagation,
             sensors,
+            branch,
             signatures,
             watch,
             clones,
@@ -69,6 +73,7 @@ impl Saved for Parts {
         io.part("screening", |io| io.pass(screening));
         io.part("processes", |io| io.pass(propagation));
         sensors.iter_mut().for_each(|slot| io.part(slot.name.clone(), |io| io.pass(slot)));
+        io.part("branch", |io| io.pass(branch));
         io.part("signatures", |io| io.while_there(signatures));
         io.part("monitor and detectors", |io| io.pass(watch));
         io.part("past states", |io| io.each(clones));
@@ -114,6 +119,7 @@ impl Parts {
             pace: Pace::new(),
             screening: Screening::new(composition),
             sensors: composition.sensors.iter().map(slot).collect(),
+            branch: None,
             signatures: Signatures::new(composition, propagation.transition()),
             propagation,
             watch: Watch::new(composition),

@@ -15,9 +15,10 @@ impl Ekf {
         &self.parts.estimate.state
     }
 
-    /// Covariance of the estimate.
+    /// Covariance of the estimate. While nothing decides whether a sensor or the filter was wrong, it
+    /// contains both cases.
     pub fn covariance(&self) -> &Covariance {
-        &self.parts.estimate.covariance
+        self.parts.estimate.reported()
     }
 
     /// Layout of state and covariance.

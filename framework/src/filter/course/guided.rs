@@ -41,7 +41,7 @@ impl Ekf {
 
     /// Moves from the prior to the trajectory.
     pub(in crate::filter) fn begin_course(&mut self) {
-        let Estimate { state, covariance, offset } = &mut self.parts.estimate;
+        let Estimate { state, covariance, offset, .. } = &mut self.parts.estimate;
         if let Some((guide, offset)) = self.guide.as_mut().zip(offset.as_mut()) {
             guide.begin(&self.layout, state, covariance, offset);
         }

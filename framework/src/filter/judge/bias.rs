@@ -128,14 +128,13 @@ impl BiasTest {
     }
 
     fn with(samples: f64, channels: usize) -> Self {
-        let charts = Charts {
-            charts: [[Chart::default(); 2]; HALVES.len()],
-            seen: 0,
-            square: 1.0,
-            product: 0.0,
-            before: 0.0,
-        };
-        Self { bounds: HALVES.map(|k| bound(k, samples)), channels: vec![charts; channels] }
+        let bounds = HALVES.map(|k| bound(k, samples));
+        Self { bounds, channels: vec![Charts::new(); channels] }
+    }
+
+    /// Begins again: the state has changed by more than a correction.
+    pub(in crate::filter) fn restart(&mut self) {
+        self.channels.fill(Charts::new());
     }
 
     /// Takes the innovations of a sample, and returns the first shift that they show. Call after
@@ -159,6 +158,16 @@ impl BiasTest {
 }
 
 impl Charts {
+    fn new() -> Self {
+        Self {
+            charts: [[Chart::default(); 2]; HALVES.len()],
+            seen: 0,
+            square: 1.0,
+            product: 0.0,
+            before: 0.0,
+        }
+    }
+
     fn take(&mut self, time: Time, e: f64, bounds: &[f64; HALVES.len()]) -> Option<Shift> {
         self.seen = self.seen.saturating_add(1);
         let correlation = (self.product / self.square).clamp(0.0, CORRELATED);

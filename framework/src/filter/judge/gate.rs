@@ -2,7 +2,11 @@
 
 use crate::compose::Composition;
 use crate::filter::ekf::Ekf;
+use crate::filter::judge::bias::BiasTest;
+use crate::filter::judge::branch::Branch;
+use crate::filter::judge::groups::fails;
 use crate::filter::judge::lockout::{Evidence, GONE, Judged, Verdict};
+use crate::filter::judge::signature::Signatures;
 use crate::filter::judge::slot::SensorSlot;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
@@ -11,6 +15,9 @@ use crate::model::sensor::gate::Action;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
+
+/// Share of an innovation's square within which another one repeats it: a tenth of its size.
+const SAME: f64 = 0.01;
 
 /// Index of the channel with the largest innovation of a sample, and its size in sigma.
 fn worst(update: &Update, present: u16) -> (usize, f64) {
@@ -62,6 +69,18 @@ fn shared(composition: &Composition, slots: &[SensorSlot], index: usize) -> bool
         .any(|(slot, sensor)| !sensor.constraint && slot.last >= since && slot.lockout.suspects())
 }
 
+/// Returns `true` if other sensors have removed the error that a group of the sample shows: they
+/// contradict the group, and with it the sample. `None` where the first gated sample lacks the channels.
+fn contradicted(update: &Update, slot: &SensorSlot, present: u16) -> Option<bool> {
+    let gone = |left: Option<f64>| left.map(|left| left <= GONE);
+    let groups = slot.groups.iter().map(|group| group & present).filter(|group| *group != 0);
+    let failing = groups.filter(|group| fails(update, present, *group, &slot.thresholds));
+    failing
+        .filter_map(|group| gone(update.remaining_of(present, &slot.reach, group)))
+        .chain(gone(update.remaining(present, &slot.reach)))
+        .reduce(|any, gone| any || gone)
+}
+
 /// The judgement on a sample.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::filter) struct Judgement {
@@ -69,6 +88,13 @@ pub(in crate::filter) struct Judgement {
     pub(in crate::filter) outcome: Outcome,
     nis: f64,
     threshold: f64,
+}
+
+impl Judgement {
+    /// The judgement on channels that pass their own gates.
+    pub(in crate::filter) fn passed(nis: f64, threshold: f64) -> Self {
+        Self { verdict: Verdict::Pass, outcome: Outcome::Accepted, nis, threshold }
+    }
 }
 
 impl Ekf {
@@ -79,8 +105,8 @@ impl Ekf {
         mut nis: f64,
         observer: &mut dyn Observer,
     ) -> Judgement {
-        let Parts { estimate, sensors, signatures, watch, .. } = &mut self.parts;
-        let update = &mut self.work.update;
+        let Parts { sensors, screening, .. } = &mut self.parts;
+        let update = &self.work.update;
         let &Attempt { sample, index, present, .. } = attempt;
         let slot = &sensors[index];
         let threshold = slot.thresholds[update.m];
@@ -90,28 +116,106 @@ impl Ekf {
             (0.0, Evidence { passes, ..Evidence::default() })
         } else {
             let shared = shared(&self.composition, sensors, index);
-            let contradicted = update.remaining(present, &slot.reach).map(|left| left <= GONE);
-            (update.share(present, &slot.reach), Evidence { passes, shared, contradicted })
+            let contradicted = contradicted(update, slot, present);
+            let ([change, size], common) = update.changed(present, &slot.reach);
+            let repeated = common > 0 && change <= slot.thresholds[common].max(SAME * size);
+            let replaced = screening.replaced();
+            let evidence = Evidence { passes, shared, contradicted, repeated, replaced };
+            (update.share(present, &slot.reach), evidence)
         };
         let worst = if passes { (0, 0.0) } else { worst(update, present) };
         let slot = &mut sensors[index];
-        let (sensor, time, channels) = (slot.name.as_str(), sample.time, update.m);
-        let judged = Judged { sensor, time, nis, threshold, m: channels, share, worst };
+        let (sensor, time, m) = (slot.name.as_str(), sample.time, update.m);
+        let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, worst };
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
-        if verdict == Verdict::Inflate {
-            let unseen = update.unseen(&self.considered, present, &slot.reach);
-            nis = inflate(update, &mut estimate.covariance, &self.considered, &unseen, nis);
-            if let Some(signatures) = signatures {
-                signatures.recovered();
-            }
-            watch.widened();
+        let n = self.considered.len();
+        let branch = (verdict == Verdict::Adopt)
+            .then(|| Branch::new((index, present), time, &self.work.update, n));
+        if verdict == Verdict::Follow {
+            nis = self.forget(index, nis);
+        }
+        if verdict.recovers() {
+            nis = self.recover(attempt, nis);
+        }
+        if let Some(branch) = branch {
+            self.part(branch);
         }
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,
             Verdict::Isolate => Outcome::Rejected(Rejection::Isolated),
-            Verdict::Pass | Verdict::Accept | Verdict::Inflate => Outcome::Accepted,
+            _ => Outcome::Accepted,
         };
         Judgement { verdict, outcome, nis, threshold }
+    }
+
+    /// Follows the scatter of the samples. Where the gate refuses one, and a wider noise explains what it
+    /// refuses, the filter takes that noise from now on and inflates the covariance, which followed
+    /// the few samples that passed. Returns the new NIS.
+    pub(in crate::filter) fn explain_by_noise(
+        &mut self,
+        attempt: &Attempt<'_>,
+        nis: f64,
+        observer: &mut dyn Observer,
+    ) -> f64 {
+        let &Attempt { sample, index, present, .. } = attempt;
+        let (update, slot) = (&mut self.work.update, &mut self.parts.sensors[index]);
+        let passes = nis <= slot.thresholds[update.m];
+        let Some((scatter, repeats)) = slot.scatter.as_mut().zip(slot.repeats.as_ref()) else {
+            return nis;
+        };
+        scatter.take(update, present, repeats.left(), !passes);
+        if passes {
+            return nis;
+        }
+        let Some(excess) = scatter.excess(update, present) else { return nis };
+        observer.finding(excess.finding(sample.time, &self.composition.sensors[index].info));
+        slot.explain();
+        let Parts { estimate, signatures, propagation, .. } = &mut self.parts;
+        // the samples that were used count for less by the same factor
+        if self.considered.iter().all(|considered| !considered) {
+            estimate.covariance.scale(excess.variance());
+        }
+        *signatures = Signatures::new(&self.composition, propagation.transition());
+        match update.innovate(&estimate.covariance) {
+            Some(nis) => self.recover(attempt, nis),
+            None => nis,
+        }
+    }
+
+    /// Adds the priors to the covariance, where all that the filter knows beyond them comes from samples
+    /// of this sensor that were wrong. Returns the new NIS.
+    fn forget(&mut self, index: usize, nis: f64) -> f64 {
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let others = || sensors.iter().enumerate().filter(|(k, _)| *k != index);
+        if others().any(|(_, slot)| slot.lockout.was_used()) {
+            return nis;
+        }
+        let (values, covariance) = (&estimate.state.values, &mut estimate.covariance);
+        let blocks = self.layout.blocks.iter().filter(|b| b.estimated() && b.label.is_none());
+        for block in blocks {
+            let (range, prior) = (block.tangent_range(), block.prior(values));
+            for (i, row) in range.clone().enumerate() {
+                for (j, column) in range.clone().enumerate() {
+                    covariance.set(row, column, covariance.get(row, column) + prior[(i, j)]);
+                }
+            }
+        }
+        self.work.update.innovate(covariance).unwrap_or(nis)
+    }
+
+    /// Inflates the covariance until the innovation is plausible, and returns the new NIS.
+    fn recover(&mut self, attempt: &Attempt<'_>, nis: f64) -> f64 {
+        let Parts { estimate, sensors, signatures, watch, .. } = &mut self.parts;
+        let (update, reach) = (&mut self.work.update, &sensors[attempt.index].reach);
+        let unseen = update.unseen(&self.considered, attempt.present, reach);
+        let nis = inflate(update, &mut estimate.covariance, &self.considered, &unseen, nis);
+        // the means of the innovations up to here are those of another fault
+        sensors.iter_mut().filter_map(|slot| slot.bias.as_mut()).for_each(BiasTest::restart);
+        if let Some(signatures) = signatures {
+            signatures.recovered();
+        }
+        watch.widened();
+        nis
     }
 
     /// Passes the record of the update to the observer.

@@ -3,8 +3,12 @@
 //! ```text
 //! silence       no sample was used for longer than the timeout before the first gated one: the
 //!               error of the filter grew unseen. The covariance is inflated at once
+//! replaced      the screening replaced samples of the driving sensor since the last used sample, and they
+//!               may have been right: a hard stop looks like a spike. The covariance is inflated at once
 //! shared        another sensor is gated too: the filter is wrong. The covariance is inflated
 //! contradiction other sensors would have removed an error of the filter by now. The sensor is isolated
+//! majority      the gated samples agree with each other, and are ten times as many as those that were
+//!               used before. The covariance is inflated at once
 //! step          the innovation jumped between two samples, and the error of a filter grows
 //!               gradually. The sensor is isolated
 //! otherwise     the error came gradually, and no other sensor measures it. The covariance is
@@ -12,13 +16,19 @@
 //! ```
 
 use crate::checkpoint::saved;
-use crate::model::record::finding::{Basis, Finding, Severity};
-use crate::model::record::{Event, Level, Observer};
+use crate::model::record::finding::Severity;
+use crate::model::record::{Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
 use crate::units::rhythm::Rhythm;
 use crate::units::sample::Channel;
 use crate::units::time::Time;
 use std::sync::Arc;
+
+mod evidence;
+mod words;
+
+pub(in crate::filter) use evidence::{Evidence, Isolation, Judged, Streak, Verdict};
+use words::{CONTRADICTED, EARLIER, EITHER, JUMPED, NOISE, REPLACED, SENSOR, find, log};
 
 /// Number of gated samples in a row that causes a warning.
 const IN_A_ROW: u64 = 5;
@@ -37,80 +47,13 @@ const WEIGHT: f64 = 0.02;
 /// Number of samples in a row with which an isolated sensor has to agree to be taken back.
 const RETURN: u32 = 5;
 
+/// Ratio of gated samples that agree with each other to those used before, from which on the filter
+/// follows the gated ones. If nothing but the sensor itself decides, one of the two stretches is wrong,
+/// and a sensor that is wrong at random times is wrong in the shorter one at the odds of their lengths.
+const MAJORITY: u64 = 10;
+
 /// Share of an innovation's square below which it counts as gone: half of its size.
 pub(in crate::filter) const GONE: f64 = 0.25;
-
-/// Decision on a measured sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::filter) enum Verdict {
-    Pass,
-    Gate,
-    /// The sample is used, although the gate does not pass.
-    Accept,
-    Inflate,
-    Isolate,
-}
-
-/// A sample as the gate sees it.
-#[derive(Clone, Copy)]
-pub(in crate::filter) struct Judged<'a> {
-    pub(in crate::filter) sensor: &'a str,
-    pub(in crate::filter) time: Time,
-    pub(in crate::filter) nis: f64,
-    pub(in crate::filter) threshold: f64,
-    /// Number of channels.
-    pub(in crate::filter) m: usize,
-    /// Square of the innovation relative to that of the first gated sample.
-    pub(in crate::filter) share: f64,
-    /// Index of the channel with the largest innovation, and its size in sigma.
-    pub(in crate::filter) worst: (usize, f64),
-}
-
-/// Evidence on a sample that is gated, or follows a gated one, beside its innovation.
-#[derive(Clone, Copy, Default)]
-pub(in crate::filter) struct Evidence {
-    /// The sample passes its gate.
-    pub(in crate::filter) passes: bool,
-    /// Another sensor is gated at the same time.
-    pub(in crate::filter) shared: bool,
-    /// Other sensors would have removed the error from the filter; `None` where the sample has
-    /// other channels than the first gated one.
-    pub(in crate::filter) contradicted: Option<bool>,
-}
-
-/// Consecutive gated samples of one sensor.
-#[derive(Clone, Copy, Default)]
-pub(in crate::filter) struct Streak {
-    pub(in crate::filter) since: Time,
-    pub(in crate::filter) count: u64,
-    /// Time without a used sample before the streak, s, if it was longer than the timeout.
-    silence: Option<f64>,
-    /// Set if the innovation jumped.
-    step: bool,
-    /// Set if other sensors contradicted the last sample.
-    contradicted: bool,
-    /// Set once the lock-out has been reported.
-    reported: bool,
-    /// Index of the channel with the largest innovation of all samples, and its size in sigma.
-    worst: (usize, f64),
-}
-
-saved!(Streak { since, count, silence, step, contradicted, reported, worst });
-
-/// Isolation of a sensor: its samples are judged and not used.
-#[derive(Clone, Copy, Default)]
-pub(in crate::filter) struct Isolation {
-    /// Time of the first gated sample.
-    pub(in crate::filter) since: Time,
-    /// Set if other sensors contradicted the sensor; otherwise its innovation jumped.
-    pub(in crate::filter) contradicted: bool,
-    /// Time at which the isolation began.
-    began: Time,
-    /// Number of samples in a row that agreed.
-    agreed: u32,
-}
-
-saved!(Isolation { since, contradicted, began, agreed });
 
 /// State of a sensor's lock-out.
 #[derive(Clone)]
@@ -128,10 +71,12 @@ pub(in crate::filter) struct Lockout {
     /// Set once the sensor was used after a lock-out that no evidence decided: the filter may be
     /// wrong since then, so a jump is no evidence against the sensor any more.
     adopted: bool,
+    /// Number of used samples since the start or the last recovery.
+    accepted: u64,
 }
 
 saved!(Lockout {
-    streak, isolation, last, used, rhythm, spread, adopted,
+    streak, isolation, last, used, rhythm, spread, adopted, accepted,
 } except {
     timeout, channels,
 });
@@ -148,7 +93,30 @@ impl Lockout {
             rhythm: Rhythm::default(),
             spread: 1.0,
             adopted: false,
+            accepted: 0,
         }
+    }
+
+    /// The channels that are isolated, one bit each.
+    pub(in crate::filter) fn isolated(&self) -> u16 {
+        self.isolation.map_or(0, |isolation| isolation.channels)
+    }
+
+    /// Ends a lock-out that is explained.
+    pub(in crate::filter) fn explain(&mut self) {
+        (self.streak, self.isolation, self.accepted) = (None, None, 0);
+    }
+
+    /// Returns `true` if gated samples that agree with each other outnumber the used ones clearly. A
+    /// filter that was widened for a sensor once follows neither side quickly.
+    fn outnumbers(&self, gated: u64, evidence: Evidence) -> bool {
+        let before = self.accepted;
+        evidence.repeated && !self.adopted && before > 0 && gated >= MAJORITY * before
+    }
+
+    /// Returns `true` once a sample was used.
+    pub(in crate::filter) fn was_used(&self) -> bool {
+        self.used.is_some()
     }
 
     /// Returns `true` from the first gated sample on, until the sensor agrees again.
@@ -159,6 +127,11 @@ impl Lockout {
     /// Returns `true` if more samples in a row were gated than outliers explain.
     pub(in crate::filter) fn suspects(&self) -> bool {
         self.streak.is_some_and(|streak| streak.count > OUTLIERS)
+    }
+
+    /// Returns `true` if another gated sample is more than outliers explain.
+    pub(in crate::filter) fn at_limit(&self) -> bool {
+        self.streak.is_some_and(|streak| streak.count >= OUTLIERS)
     }
 
     /// Channel with the largest innovation of a streak, and its size, in words.
@@ -181,15 +154,16 @@ impl Lockout {
             self.rhythm.take(sample.time.since(before));
         }
         let verdict = if self.isolation.is_some() {
-            self.judge_isolated(sample, evidence.passes, recovery, observer)
+            self.judge_isolated(sample, evidence, recovery, observer)
         } else if evidence.passes {
             self.agree(sample, evidence, recovery, observer)
         } else {
             self.disagree(sample, before, evidence, recovery, observer)
         };
-        if matches!(verdict, Verdict::Pass | Verdict::Accept | Verdict::Inflate) {
+        if !matches!(verdict, Verdict::Gate | Verdict::Isolate) {
             self.used = Some(sample.time);
             self.streak = None;
+            self.accepted = if verdict.recovers() { 1 } else { self.accepted + 1 };
         }
         verdict
     }
@@ -203,11 +177,11 @@ impl Lockout {
         recovery: &Recovery,
         observer: &mut dyn Observer,
     ) -> Verdict {
-        if let Some(streak @ Streak { since, count, step, .. }) = self.streak {
-            let isolates = recovery.action == Action::Inflate && !evidence.shared;
+        if let Some(streak @ Streak { since, count, step, replaced, .. }) = self.streak {
+            let isolates = recovery.action == Action::Inflate && !evidence.shared && !replaced;
             if isolates && step && count > OUTLIERS && sample.share > GONE {
                 let gated = format!("every one of {count} samples was gated since {since}");
-                return self.isolate(sample, since, false, &gated, observer);
+                return self.isolate(sample, since, JUMPED, &gated, observer);
             }
             let gated = match count {
                 1 => format!("1 sample gated at {since}"),
@@ -220,22 +194,30 @@ impl Lockout {
         Verdict::Pass
     }
 
-    /// Begins an isolation.
+    /// Reports that the filter follows gated samples, which outnumber those that it used.
+    fn follow(&self, sample: &Judged<'_>, since: Time, count: u64, observer: &mut dyn Observer) {
+        let text = format!(
+            "{count} samples since {since} agree with each other, and only {} were used before; the \
+             covariance is inflated and this one used",
+            self.accepted
+        );
+        find(sample, Severity::Doubtful, text, EARLIER, observer);
+    }
+
+    /// Begins an isolation for a reason.
     fn isolate(
         &mut self,
         sample: &Judged<'_>,
         since: Time,
-        contradicted: bool,
+        reason: &'static str,
         gated: &str,
         observer: &mut dyn Observer,
     ) -> Verdict {
-        self.isolation = Some(Isolation { since, contradicted, began: sample.time, agreed: 0 });
+        let (began, channels) = (sample.time, sample.channels);
+        let count = self.streak.map_or(0, |streak| streak.count);
+        let contradicted = reason == CONTRADICTED;
+        self.isolation = Some(Isolation { since, contradicted, channels, count, began, agreed: 0 });
         self.streak = None;
-        let reason = if contradicted {
-            "other sensors contradict it"
-        } else {
-            "its innovation jumped between two samples, and an error of the filter grows gradually"
-        };
         let text = format!("{gated}; the sensor is isolated: {reason}");
         find(sample, Severity::Contained, text, SENSOR, observer);
         Verdict::Isolate
@@ -247,7 +229,7 @@ impl Lockout {
     }
 
     /// Begins a streak.
-    fn streak(&self, sample: &Judged<'_>) -> Streak {
+    fn streak(&self, sample: &Judged<'_>, replaced: Time) -> Streak {
         let gap = self.used.map(|used| sample.time.since(used));
         // the jump is judged against the innovations before it: those of a filter whose noise is
         // too small scatter widely without any fault
@@ -256,6 +238,7 @@ impl Lockout {
             since: sample.time,
             count: 0,
             silence: None,
+            replaced: self.used.is_some_and(|used| replaced >= used),
             step: jump && !self.adopted && gap.is_some_and(|gap| self.rhythm.follows(gap)),
             contradicted: false,
             reported: false,
@@ -272,7 +255,7 @@ impl Lockout {
         observer: &mut dyn Observer,
     ) -> Verdict {
         let &Judged { time, nis, .. } = sample;
-        let mut streak = self.streak.unwrap_or_else(|| self.streak(sample));
+        let mut streak = self.streak.unwrap_or_else(|| self.streak(sample, evidence.replaced));
         // a streak may begin before the silence
         let gap = before.map(|before| time.since(before)).filter(|gap| *gap > self.silence());
         streak.silence = streak.silence.or(gap);
@@ -282,7 +265,7 @@ impl Lockout {
         }
         streak.contradicted = evidence.contradicted.unwrap_or(streak.contradicted);
         self.streak = Some(streak);
-        let Streak { since, count, silence, step, contradicted, reported, .. } = streak;
+        let Streak { since, count, silence, replaced, step, contradicted, reported, .. } = streak;
         // a single gated sample is expected; several in a row are worth a warning
         if count == IN_A_ROW {
             let text =
@@ -290,8 +273,9 @@ impl Lockout {
             log(sample, Level::Warning, text, observer);
         }
         let inflates = recovery.action == Action::Inflate;
-        let due =
-            time.since(since) >= recovery.after.value().si() || (inflates && silence.is_some());
+        let majority = self.outnumbers(count, evidence);
+        let due = time.since(since) >= recovery.after.value().si()
+            || (inflates && (silence.is_some() || majority || replaced));
         if !due || count <= OUTLIERS || !nis.is_finite() {
             return Verdict::Gate;
         }
@@ -307,11 +291,24 @@ impl Lockout {
                 log(sample, Level::Warning, format!("{lock_out}; this one is used"), observer);
                 Verdict::Accept
             }
-            Action::Inflate if !evidence.shared && (contradicted || step) => {
-                self.isolate(sample, since, contradicted, &lock_out, observer)
+            Action::Inflate if !evidence.shared && contradicted => {
+                self.isolate(sample, since, CONTRADICTED, &lock_out, observer)
+            }
+            Action::Inflate if majority => {
+                self.follow(sample, since, count, observer);
+                self.adopted = true;
+                Verdict::Follow
+            }
+            Action::Inflate if !evidence.shared && !replaced && step => {
+                self.isolate(sample, since, JUMPED, &lock_out, observer)
             }
             Action::Inflate => {
                 let (severity, reason, remedy) = match silence {
+                    _ if replaced => (
+                        Severity::Contained,
+                        ", after samples of the driving sensor were replaced".to_owned(),
+                        REPLACED,
+                    ),
                     Some(silence) => (
                         Severity::Contained,
                         format!(", after {silence:.1} s without a used sample"),
@@ -322,11 +319,12 @@ impl Lockout {
                     }
                     None => (Severity::DoNotUse, String::new(), EITHER),
                 };
-                self.adopted |= silence.is_none();
+                self.adopted |= silence.is_none() && !replaced;
                 let text =
                     format!("{lock_out}{reason}; the covariance is inflated and this one used");
                 find(sample, severity, text, remedy, observer);
-                Verdict::Inflate
+                let undecided = silence.is_some() && !replaced && !evidence.shared;
+                if undecided { Verdict::Adopt } else { Verdict::Inflate }
             }
         }
     }
@@ -334,15 +332,16 @@ impl Lockout {
     fn judge_isolated(
         &mut self,
         sample: &Judged<'_>,
-        passes: bool,
+        evidence: Evidence,
         recovery: &Recovery,
         observer: &mut dyn Observer,
     ) -> Verdict {
         let Some(isolation) = &mut self.isolation else { return Verdict::Pass };
         // an innovation that the growing covariance makes plausible has not gone
-        let agrees = passes && sample.share <= GONE;
+        let agrees = evidence.passes && sample.share <= GONE;
         isolation.agreed = if agrees { isolation.agreed + 1 } else { 0 };
-        let &mut Isolation { since, contradicted, began, agreed } = isolation;
+        isolation.count += 1;
+        let &mut Isolation { since, contradicted, count, began, agreed, .. } = isolation;
         let lasted = sample.time.since(began);
         if agreed >= RETURN {
             let text = format!("the sensor agrees again and is taken back, isolated since {began}");
@@ -350,22 +349,49 @@ impl Lockout {
             self.isolation = None;
             return Verdict::Pass;
         }
-        if contradicted || lasted < recovery.isolate.value().si() || !sample.nis.is_finite() {
+        if contradicted || !sample.nis.is_finite() {
             return Verdict::Isolate;
         }
-        let text = format!(
-            "the sensor contradicts the filter since {since} and was isolated for {lasted:.0} s; \
-             the covariance is inflated and this sample used"
-        );
-        find(sample, Severity::DoNotUse, text, EITHER, observer);
+        let follows = self.outnumbers(count, evidence);
+        if follows {
+            self.follow(sample, since, count, observer);
+        } else if lasted >= recovery.isolate.value().si() {
+            let text = format!(
+                "the sensor contradicts the filter since {since} and was isolated for {lasted:.0} s; \
+                 the covariance is inflated and this sample used"
+            );
+            find(sample, Severity::DoNotUse, text, EITHER, observer);
+        } else {
+            return Verdict::Isolate;
+        }
         (self.isolation, self.adopted) = (None, true);
-        Verdict::Inflate
+        if follows { Verdict::Follow } else { Verdict::Inflate }
+    }
+
+    /// Reports that the samples since a time were wrong, and isolates the channels that still are.
+    pub(in crate::filter) fn convict(
+        &mut self,
+        (since, began): (Time, Time),
+        channels: u16,
+        sensor: &str,
+        observer: &mut dyn Observer,
+    ) {
+        if channels != 0 {
+            let (contradicted, count, agreed) = (true, 0, 0);
+            self.isolation =
+                Some(Isolation { since, contradicted, channels, count, began, agreed });
+            self.streak = None;
+        }
+        let text = format!(
+            "its samples since {since} were wrong, and not the filter; the covariance contains what the \
+             filter took from them"
+        );
+        find(&Judged::none(sensor, began), Severity::Contained, text, SENSOR, observer);
     }
 
     /// Reports a sensor that is still gated or isolated after the last sample.
     pub(in crate::filter) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
-        let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
-        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: (0, f64::NAN) };
+        let sample = Judged::none(sensor, time);
         if let Some(streak @ Streak { since, count, .. }) = self.streak {
             let text = format!(
                 "the last {count} samples were gated, since {since}, {}",
@@ -385,35 +411,6 @@ impl Lockout {
             find(&sample, severity, text, remedy, observer);
         }
     }
-}
-
-/// Remedy where the sensor is at fault.
-const SENSOR: &str = "look at the sensor's samples from then on; its range, mounting and settings \
-                      may have changed";
-
-/// Remedy where the filter is at fault.
-const NOISE: &str = "the uncertainty was too small: raise the noise of the driving sensor, or \
-                     the priors, until the innovations are consistent";
-
-/// Remedy where the fault may be in the sensor or in the filter.
-const EITHER: &str = "no other sensor decides which one is wrong: look at the sensor's samples from \
-                      then on, and at the noise of the driving sensor; recovery.action = \"report\" \
-                      keeps the filter from adopting them";
-
-fn log(sample: &Judged<'_>, level: Level, text: String, observer: &mut dyn Observer) {
-    observer.event(Event { time: sample.time, level, about: sample.sensor.to_owned(), text });
-}
-
-fn find(
-    sample: &Judged<'_>,
-    severity: Severity,
-    text: String,
-    remedy: &str,
-    observer: &mut dyn Observer,
-) {
-    let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
-    let basis = Basis::Comparison;
-    observer.finding(Finding { time, about, severity, basis, text, remedy });
 }
 
 #[cfg(test)]

@@ -4,11 +4,13 @@ use crate::checkpoint::saved;
 use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::curvature::Curvature;
 use crate::filter::judge::factor::Factor;
+use crate::filter::judge::groups::groups;
 use crate::filter::judge::lockout::{Isolation, Lockout};
 use crate::filter::judge::noise_level::NoiseLevel;
+use crate::filter::judge::scatter::Scatter;
 use crate::filter::judge::stuck::Repeats;
 use crate::model::record::Rejection;
-use crate::model::sensor::gate::Recovery;
+use crate::model::sensor::gate::{Action, Recovery};
 use crate::model::sensor::limits::Limit;
 use crate::model::sensor::robust::Robust;
 use crate::model::sensor::{Role, Sensor};
@@ -35,8 +37,13 @@ pub(in crate::filter) struct SensorSlot {
     pub(in crate::filter) thresholds: [f64; MAX_CHANNELS + 1],
     pub(in crate::filter) recovery: Recovery,
     pub(in crate::filter) robust: Robust,
-    /// Level of the noise that follows the innovations.
+    /// Channels that fail alone, one bit each.
+    pub(in crate::filter) groups: Vec<u16>,
+    /// Scatter of the samples that are refused; none where the recovery only reports or accepts.
+    pub(in crate::filter) scatter: Option<Scatter>,
+    /// Level of the noise that follows the innovations, and whether it is used.
     pub(in crate::filter) noise: Option<NoiseLevel>,
+    pub(in crate::filter) adaptive: bool,
     /// Repetitions of samples; none where samples may repeat for ever, or are several of one time.
     pub(in crate::filter) repeats: Option<Repeats>,
     /// Sequential test on the innovations; none where a constraint gives them, or several of one
@@ -53,11 +60,11 @@ pub(in crate::filter) struct SensorSlot {
 }
 
 saved!(SensorSlot {
-    last, lockout, reach, refused, plausible,
+    last, lockout, reach, refused, adaptive, plausible,
 } each {
-    noise, repeats, bias, factor, curvature,
+    scatter, noise, repeats, bias, factor, curvature,
 } except {
-    name, channels, several, thresholds, recovery, robust, limits,
+    name, channels, several, thresholds, recovery, robust, groups, limits,
 });
 
 impl SensorSlot {
@@ -74,6 +81,9 @@ impl SensorSlot {
         let corrects = matches!(sensor.role, Role::Measurement(_)) && !sensor.is_noise_free();
         let watched = corrects && !sensor.constraint;
         let thresholds = sensor.gate.thresholds();
+        let single = watched && !several;
+        let inflates = sensor.recovery.action == Action::Inflate;
+        let groups = if single { groups(&sensor.info.channels, used) } else { Vec::new() };
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
@@ -85,11 +95,14 @@ impl SensorSlot {
             thresholds,
             recovery: sensor.recovery,
             robust: sensor.robust,
-            noise: (corrects && sensor.adaptive_noise).then(|| NoiseLevel::new(&thresholds)),
+            scatter: (single && inflates).then(|| Scatter::new(&groups)),
+            groups,
+            noise: corrects.then(|| NoiseLevel::new(&thresholds)),
+            adaptive: sensor.adaptive_noise,
             // successive observations are not of one channel
-            repeats: (watched && !several).then(Repeats::default),
-            bias: (watched && !several).then(|| BiasTest::new(used)),
-            factor: (watched && !several).then(|| Factor::new(&sensor.info, used)),
+            repeats: single.then(Repeats::default),
+            bias: single.then(|| BiasTest::new(used)),
+            factor: single.then(|| Factor::new(&sensor.info, used)),
             curvature: watched.then(Curvature::default),
             limits: sensor.limits.clone(),
             plausible: None,
@@ -146,6 +159,18 @@ impl SensorSlot {
             let most = limit.rate * sample.time.since(before.time);
             (change > most).then_some(Rejection::TooFast(channel))
         })
+    }
+
+    /// Ends a lock-out that a wider noise explains; the noise follows the innovations from now on.
+    pub(in crate::filter) fn explain(&mut self) {
+        self.adaptive = true;
+        self.lockout.explain();
+        self.reach.clear();
+    }
+
+    /// Level of the noise, where it follows the innovations.
+    pub(in crate::filter) fn level(&mut self) -> Option<&mut NoiseLevel> {
+        self.noise.as_mut().filter(|_| self.adaptive)
     }
 
     /// Isolation of the sensor, if it is isolated.

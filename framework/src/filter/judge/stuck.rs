@@ -129,6 +129,11 @@ impl Repeats {
         self.stuck.then_some(Stuck { since: self.since, count: self.count })
     }
 
+    /// Innovation after the last sample, by channel.
+    pub(in crate::filter) fn left(&self) -> &[f64; MAX_CHANNELS] {
+        &self.left
+    }
+
     /// Keeps the innovation for the next sample: as it is, or after the update by this sample.
     pub(in crate::filter) fn keep(&mut self, update: &Update, present: u16, used: bool) {
         let (m, w) = (update.m, update.columns.len());

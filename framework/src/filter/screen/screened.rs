@@ -69,7 +69,17 @@ impl Screening {
 
     /// The next sample that may be used, with the uncertainty of one that was replaced.
     pub(in crate::filter) fn next(&mut self) -> Option<(Sample, Option<Spread>)> {
-        self.0.as_mut()?.ready.pop_front()
+        let screen = self.0.as_mut()?;
+        let (sample, spread) = screen.ready.pop_front()?;
+        if spread.is_some() {
+            screen.replaced = sample.time;
+        }
+        Some((sample, spread))
+    }
+
+    /// Time of the last sample that was replaced, or the minimum.
+    pub(in crate::filter) fn replaced(&self) -> Time {
+        self.0.as_ref().map_or(Time::MIN, |screen| screen.replaced)
     }
 
     /// Begins the run of the filter.

@@ -88,10 +88,13 @@ pub(in crate::filter) struct Screen {
     unusable: bool,
     /// Number of replaced spikes.
     pub(in crate::filter) spikes: u64,
+    /// Time of the last used sample that was replaced.
+    pub(in crate::filter) replaced: Time,
 }
 
 saved!(Screen {
     usual, repeats, held, suspects, faulty, bridge, skipped, ready, bridged, unusable, spikes,
+    replaced,
 } except {
     limits, n, news,
 });
@@ -129,6 +132,7 @@ impl Screen {
             bridged: false,
             unusable: false,
             spikes: 0,
+            replaced: Time::MIN,
         }
     }
 

@@ -3,6 +3,8 @@
 use super::work::Work;
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
+use crate::filter::judge::gate::Judgement;
+use crate::filter::judge::groups::failing;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::parts::Parts;
 use crate::filter::transients::seen::Transients;
@@ -56,20 +58,86 @@ impl Ekf {
         if self.is_stuck(&attempt, observer) {
             return Ok(());
         }
+        let nis = self.explain_by_noise(&attempt, nis, observer);
         self.watch_velocity(attempt.index);
-        let judgement = self.judge(&attempt, nis, observer);
-        let accepted = judgement.outcome == Outcome::Accepted;
-        if accepted && !self.refine(&attempt, judgement.verdict, observer) {
+        self.weigh(&attempt);
+        if let Some(bad) = self.failing(&attempt, nis) {
+            self.correct_by_groups(&attempt, bad, observer)?;
+        } else {
+            let judgement = self.judge(&attempt, nis, observer);
+            self.conclude(&attempt, &judgement, observer)?;
+        }
+        self.decide(observer);
+        Ok(())
+    }
+
+    /// Channels that fail alone, or are isolated, of a sample that the gate refuses.
+    fn failing(&self, attempt: &Attempt<'_>, nis: f64) -> Option<u16> {
+        let slot = &self.parts.sensors[attempt.index];
+        let isolated = slot.lockout.isolated();
+        let refused = nis > slot.thresholds[self.work.update.m] && slot.lockout.at_limit();
+        if slot.groups.len() < 2 || !refused && isolated == 0 {
+            return None;
+        }
+        let groups = (&slot.groups[..], isolated);
+        failing(groups, &slot.thresholds, &self.work.update, attempt.present)
+    }
+
+    /// Judges the channels that fail alone, and uses the others, or all of them if those are accepted.
+    fn correct_by_groups(
+        &mut self,
+        attempt: &Attempt<'_>,
+        channels: u16,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let &Attempt { sample, index, present, .. } = attempt;
+        let bad = Attempt { present: channels, ..*attempt };
+        let good = Attempt { present: present & !channels, ..*attempt };
+        let Work { update, whole, .. } = &mut self.work;
+        whole.clone_from(update);
+        update.restrict(present, channels);
+        let Some(nis) = update.innovate(&self.parts.estimate.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
-        }
-        self.record(&attempt, &judgement, observer);
+        };
+        let judgement = self.judge(&bad, nis, observer);
+        let accepted = judgement.outcome == Outcome::Accepted;
         if !accepted {
-            self.withhold(&attempt, observer);
+            self.conclude(&bad, &judgement, observer)?;
+        }
+        let Work { update, whole, .. } = &mut self.work;
+        update.clone_from(whole);
+        let slot = &self.parts.sensors[index];
+        if !accepted {
+            update.restrict(present, good.present);
+        }
+        let Some(nis) = update.innovate(&self.parts.estimate.covariance) else {
+            self.reject(sample, Rejection::Singular, observer);
+            return Ok(());
+        };
+        let judgement = Judgement::passed(nis, slot.thresholds[update.m]);
+        self.conclude(if accepted { attempt } else { &good }, &judgement, observer)
+    }
+
+    /// Records a judged sample, and uses it if it is accepted.
+    fn conclude(
+        &mut self,
+        attempt: &Attempt<'_>,
+        judgement: &Judgement,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let accepted = judgement.outcome == Outcome::Accepted;
+        if accepted && !self.refine(attempt, judgement.verdict, observer) {
+            self.reject(attempt.sample, Rejection::Singular, observer);
             return Ok(());
         }
-        self.apply(&attempt, observer);
-        self.verify(sample.time)
+        self.record(attempt, judgement, observer);
+        if !accepted {
+            self.withhold(attempt, observer);
+            return Ok(());
+        }
+        self.apply(attempt, observer);
+        self.verify(attempt.sample.time)
     }
 
     /// Computes innovation, Jacobian and noise of a sample. Returns `false` where a sensor with a
@@ -117,10 +185,13 @@ impl Ekf {
         if repeated != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= repeated * repeated);
         }
-        if let Some(level) = &slot.noise {
+        if let Some(scatter) = &slot.scatter {
+            scatter.widen(update, present);
+        }
+        if let Some(level) = slot.level() {
             update.r.iter_mut().for_each(|r| *r *= level.variance());
         }
-        let Estimate { state, covariance, offset } = estimate;
+        let Estimate { state, covariance, offset, .. } = estimate;
         let at = At { layout: &self.layout, state, sample };
         let prior = Prior { at, model, covariance, considered: &self.considered };
         rules.of(index, offset.is_some()).linearised(&prior, update);
@@ -159,7 +230,9 @@ impl Ekf {
         let Work { update, lower, refinement, rules, .. } = &mut self.work;
         let &Attempt { sample, model, index, present, .. } = attempt;
         let slot = &mut sensors[index];
-        slot.reach.clear();
+        if !slot.lockout.disagrees() {
+            slot.reach.clear();
+        }
         if let Some(test) = &mut slot.bias
             && verdict == Verdict::Pass
             && let Some(shift) = test.take(sample.time, update, present)
@@ -167,12 +240,12 @@ impl Ekf {
             let info = &self.composition.sensors[index].info;
             observer.finding(shift.finding(sample.time, info));
         }
-        if let Some(level) = &mut slot.noise
-            && verdict == Verdict::Pass
+        if verdict == Verdict::Pass
+            && let Some(level) = slot.level()
         {
             level.take(update, lower);
         }
-        let Estimate { state, covariance, offset } = estimate;
+        let Estimate { state, covariance, offset, .. } = estimate;
         let at = At { layout: &self.layout, state, sample };
         let prior = Prior { at, model, covariance, considered: &self.considered };
         refinement.run(&prior, rules.of(index, offset.is_some()), slot.robust, update)
@@ -181,7 +254,15 @@ impl Ekf {
     /// Updates the covariance, and injects the error into the state.
     fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
         let Parts {
-            estimate, propagation, sensors, signatures, watch, transients, history, ..
+            estimate,
+            propagation,
+            sensors,
+            branch,
+            signatures,
+            watch,
+            transients,
+            history,
+            ..
         } = &mut self.parts;
         let Work { update, lower, points, rules, .. } = &mut self.work;
         let &Attempt { sample, model, index, present, .. } = attempt;
@@ -209,6 +290,9 @@ impl Ekf {
         }
         for other in sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
+        }
+        if let Some(branch) = branch {
+            branch.correct((index, present), update, sample.time);
         }
         if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };

@@ -10,6 +10,8 @@ use crate::units::sample::MAX_CHANNELS;
 /// Work space of an update, allocated once.
 pub(in crate::filter) struct Work {
     pub(in crate::filter) update: Update,
+    /// All channels of a sample that is judged by groups.
+    pub(super) whole: Update,
     pub(in crate::filter) refinement: Refinement,
     pub(super) rules: Rules,
     /// Points of the check of the curvature.
@@ -22,6 +24,7 @@ impl Work {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {
         Self {
             update: Update::with_capacity(composition.layout.tangent, MAX_CHANNELS),
+            whole: Update::default(),
             refinement: Refinement::default(),
             rules: Rules::new(composition),
             points: SigmaPoints::default(),

@@ -205,6 +205,11 @@ impl Covariance {
         self.symmetrise();
     }
 
+    /// `P = c P`.
+    pub(crate) fn scale(&mut self, c: f64) {
+        self.p.iter_mut().for_each(|p| *p *= c);
+    }
+
     /// Copies the lower triangle to the upper one.
     pub(super) fn mirror(&mut self) {
         for i in 0..self.n {

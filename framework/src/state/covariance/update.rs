@@ -2,7 +2,6 @@
 
 use super::Covariance;
 use super::rank::{Joseph, Projection};
-use crate::checkpoint::saved;
 use crate::state::block_set::BlockSet;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::Arch;
@@ -33,9 +32,9 @@ pub struct Update {
     pub(super) hp: Vec<f64>,
     /// The gain transposed, likewise.
     pub(super) kt: Vec<f64>,
-    gain: Vec<f64>,
+    pub(super) gain: Vec<f64>,
     /// Rows of `G` of [`Self::direction`].
-    l: Vec<f64>,
+    pub(super) l: Vec<f64>,
     /// Groups of columns in which `H P` is not zero.
     pub(super) reached: Vec<std::ops::Range<usize>>,
     pub(super) work: Vec<f64>,
@@ -70,47 +69,8 @@ impl Clone for Update {
     }
 }
 
-/// Propagation of an error that a sensor measured at one time: `G`, one row per state; empty when
-/// none is followed.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Reach {
-    /// Channels that measured the error, one bit each.
-    channels: u16,
-    /// Length of a row: the number of channels, padded to a multiple of four.
-    pub(super) stride: usize,
-    pub(super) g: Vec<f64>,
-    /// Innovation `y0` that showed the error, by channel, and the part of it that an error of the
-    /// states explains.
-    first: [f64; MAX_CHANNELS],
-    explained: [f64; MAX_CHANNELS],
-}
-
-saved!(Reach { channels, stride, g, first, explained });
-
-impl Reach {
-    /// Creates room for an error state of dimension `n` and up to `m` channels.
-    pub(crate) fn with_capacity(n: usize, m: usize) -> Self {
-        Self { g: Vec::with_capacity(n * m.next_multiple_of(4)), ..Self::default() }
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.g.is_empty()
-    }
-
-    /// Ends the propagation, and keeps the innovation.
-    pub(crate) fn end(&mut self) {
-        self.g.clear();
-    }
-
-    /// Forgets the error.
-    pub(crate) fn clear(&mut self) {
-        self.g.clear();
-        self.channels = 0;
-    }
-}
-
 /// Channels of a mask, ascending.
-fn channels(mask: u16) -> impl Iterator<Item = usize> {
+pub(super) fn channels(mask: u16) -> impl Iterator<Item = usize> {
     (0..MAX_CHANNELS).filter(move |channel| mask >> channel & 1 == 1)
 }
 
@@ -136,6 +96,26 @@ impl Update {
             reached: Vec::with_capacity(n.div_ceil(8)),
             work: Vec::with_capacity((m + 2 * n) * m.next_multiple_of(4)),
         }
+    }
+
+    /// Keeps the rows of some of the channels that are present.
+    pub(crate) fn restrict(&mut self, present: u16, keep: u16) {
+        let (m, w) = (self.m, self.columns.len());
+        let kept = || {
+            let rows = channels(present).enumerate().take(m);
+            rows.filter(move |(_, channel)| keep >> channel & 1 == 1).map(|(row, _)| row)
+        };
+        let k = kept().count();
+        for (to, from) in kept().enumerate() {
+            self.h.copy_within(from * w..(from + 1) * w, to * w);
+            self.innovation[to] = self.innovation[from];
+            for (j, column) in kept().enumerate() {
+                self.r[to * k + j] = self.r[from * m + column];
+            }
+        }
+        self.innovation.truncate(k);
+        self.r.truncate(k * k);
+        self.m = k;
     }
 
     /// The gain of the last [`Self::apply`], row-major `n` x `m`.
@@ -227,7 +207,7 @@ impl Update {
     /// measured error among the states in proportion to their uncertainty and sensitivity.
     /// `considered` states get no share, since their variance is given. Returns `false` where there
     /// is no such direction. Call after [`Self::innovate`].
-    fn direction(&mut self, covariance: &Covariance, considered: &[bool]) -> bool {
+    pub(super) fn direction(&mut self, covariance: &Covariance, considered: &[bool]) -> bool {
         let (m, w) = (self.m, self.columns.len());
         let columns = &self.columns;
         let variance = |k: usize| {
@@ -254,123 +234,6 @@ impl Update {
             backward(&self.lower, m, row);
         }
         true
-    }
-
-    /// Begins to follow the propagation of a measured error; follows none where there is no
-    /// direction. Call after [`Self::innovate`], and before the next call of it.
-    pub(crate) fn begin(
-        &mut self,
-        covariance: &Covariance,
-        considered: &[bool],
-        present: u16,
-        reach: &mut Reach,
-    ) {
-        reach.clear();
-        if !self.direction(covariance, considered) {
-            return;
-        }
-        (reach.channels, reach.stride) = (present, self.m.next_multiple_of(4));
-        channels(present).zip(&self.innovation).for_each(|(c, y)| reach.first[c] = *y);
-        reach.g.resize(covariance.n * reach.stride, 0.0);
-        for (c, row) in self.columns.iter().zip(self.l.chunks_exact(self.m)) {
-            reach.g[c * reach.stride..][..self.m].copy_from_slice(row);
-        }
-        let mut explained = [0.0; MAX_CHANNELS];
-        self.left(reach, present, &reach.first, &mut explained[..self.m]);
-        channels(present).zip(explained).for_each(|(c, y)| reach.explained[c] = y);
-    }
-
-    /// `sum y^2 / sum y0^2` over the channels that the first innovation `y0` has too, each in units
-    /// of its sigma: the share of the error that is still there. Zero without a common channel.
-    /// Call after [`Self::innovate`].
-    pub(crate) fn share(&self, present: u16, reach: &Reach) -> f64 {
-        let (mut now, mut first) = (0.0, 0.0);
-        for (a, channel) in channels(present).enumerate().take(self.m) {
-            if reach.channels >> channel & 1 == 1 {
-                let variance = self.s[a * self.m + a];
-                now += self.innovation[a] * self.innovation[a] / variance;
-                first += reach.first[channel] * reach.first[channel] / variance;
-            }
-        }
-        if first > 0.0 { now / first } else { 0.0 }
-    }
-
-    /// Square of `H G y0` relative to its value at the beginning, in the metric of `S`. `H G y0` is
-    /// the innovation that would be left of the first one if the filter had been wrong: motion and
-    /// updates by other sensors have changed that error. `None` if other channels are present now.
-    /// Call after [`Self::innovate`].
-    pub(crate) fn remaining(&self, present: u16, reach: &Reach) -> Option<f64> {
-        if reach.g.is_empty() || reach.channels != present {
-            return None;
-        }
-        let m = self.m;
-        let (mut first, mut left) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
-        channels(present).zip(&mut first).for_each(|(c, y)| *y = reach.explained[c]);
-        self.left(reach, present, &reach.first, &mut left[..m]);
-        let nis = |y: &mut [f64]| {
-            forward(&self.lower, m, y);
-            y.iter().map(|y| y * y).sum::<f64>()
-        };
-        Some(nis(&mut left[..m]) / nis(&mut first[..m]))
-    }
-
-    /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states
-    /// that the sensor does not measure now, and zero for the others. Empty if the sensor measures
-    /// too little of the error that it measured at the beginning.
-    pub(crate) fn unseen(&self, considered: &[bool], channels: u16, reach: &Reach) -> Vec<f64> {
-        let (m, w) = (self.m, self.columns.len());
-        if reach.g.is_empty() || reach.channels != channels {
-            return Vec::new();
-        }
-        let hg = nalgebra::DMatrix::from_fn(m, m, |a, b| self.seen(reach, a, b));
-        // in units of each channel's sigma, at least a tenth of the error must still be measured
-        let sigma = |a: usize| self.s[a * m + a].sqrt();
-        let usable = |back: &nalgebra::DMatrix<f64>| {
-            (0..m * m).all(|k| (back[(k / m, k % m)] * sigma(k % m) / sigma(k / m)).abs() <= 10.0)
-        };
-        let Some(back) = hg.try_inverse().filter(usable) else { return Vec::new() };
-        let sees = |i: usize| {
-            self.columns
-                .iter()
-                .position(|&c| c == i)
-                .is_some_and(|k| (0..m).any(|a| self.h[a * w + k] != 0.0))
-        };
-        let mut rows = Vec::with_capacity(considered.len() * m);
-        for (i, g) in reach.g.chunks_exact(reach.stride).enumerate() {
-            let skip = considered[i] || sees(i);
-            let share =
-                |b: usize| if skip { 0.0 } else { (0..m).map(|a| g[a] * back[(a, b)]).sum() };
-            rows.extend((0..m).map(share));
-        }
-        rows
-    }
-
-    /// `G = (I - K H) G`: an update by another sensor changes that error too. Call after
-    /// [`Self::apply`].
-    pub(crate) fn correct(&self, reach: &mut Reach) {
-        for b in 0..reach.stride.min(reach.g.len()) {
-            let mut seen = [0.0; MAX_CHANNELS];
-            (0..self.m).for_each(|a| seen[a] = self.seen(reach, a, b));
-            for (g, gain) in
-                reach.g[b..].iter_mut().step_by(reach.stride).zip(self.gain.chunks_exact(self.m))
-            {
-                *g -= gain.iter().zip(&seen).map(|(k, s)| k * s).sum::<f64>();
-            }
-        }
-    }
-
-    /// Computes `H G y0` into `out`, with `y0` by channel.
-    fn left(&self, reach: &Reach, present: u16, first: &[f64; MAX_CHANNELS], out: &mut [f64]) {
-        for (a, out) in out.iter_mut().enumerate() {
-            let parts = channels(present).enumerate();
-            *out = parts.map(|(b, c)| self.seen(reach, a, b) * first[c]).sum();
-        }
-    }
-
-    /// The element `(a, b)` of `H G`.
-    fn seen(&self, reach: &Reach, a: usize, b: usize) -> f64 {
-        let h = &self.h[a * self.columns.len()..];
-        self.columns.iter().zip(h).map(|(c, h)| h * reach.g[c * reach.stride + b]).sum()
     }
 
     /// The gain `P H' S^-1` (zero rows for `considered` columns), the correction, and the Joseph

@@ -2,6 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod bench;
+mod recovery;
 
 use bench::Trial;
 use navfuse_core::model::record::finding::{Finding, Severity};

@@ -1,12 +1,11 @@
 use super::*;
+use crate::model::record::Event;
+use crate::model::record::finding::Finding;
 
 #[test]
 fn an_outlier_on_either_side_of_an_outage_causes_no_suspicion_and_a_third_one_does() {
     let suspects = |count: u64| {
-        let worst = (0, 0.0);
-        let (since, silence, step) = (Time::MIN, None, false);
-        let (contradicted, reported) = (false, false);
-        let streak = Streak { since, count, silence, step, contradicted, reported, worst };
+        let streak = Streak { count, ..Streak::default() };
         Lockout { streak: Some(streak), ..Lockout::new(None, &[]) }.suspects()
     };
     assert_eq!([1, 2, 3].map(suspects), [false, false, true]);
@@ -38,15 +37,25 @@ struct Sensor {
 }
 
 /// A sample that passes, and one that is gated.
-const GOOD: Evidence = Evidence { passes: true, shared: false, contradicted: None };
-const BAD: Evidence = Evidence { passes: false, shared: false, contradicted: None };
+const GOOD: Evidence = Evidence {
+    passes: true,
+    shared: false,
+    contradicted: None,
+    repeated: false,
+    replaced: Time::MIN,
+};
+const BAD: Evidence = Evidence { passes: false, ..GOOD };
 
 impl Sensor {
+    /// A sensor without a sample.
+    fn unused(action: Action) -> Self {
+        let recovery = Recovery { action, ..Recovery::default() };
+        Self { lockout: Lockout::new(None, &[]), recovery, reports: Reports::default() }
+    }
+
     /// A sensor of which samples with a NIS of 1 passed at 0, 1, 2 to 10 s.
     fn new(action: Action) -> Self {
-        let recovery = Recovery { action, ..Recovery::default() };
-        let lockout = Lockout::new(None, &[]);
-        let mut sensor = Self { lockout, recovery, reports: Reports::default() };
+        let mut sensor = Self::unused(action);
         for k in 0..=10 {
             assert_eq!(sensor.judge(f64::from(k), 1.0, 1.0, GOOD), Verdict::Pass);
         }
@@ -57,7 +66,9 @@ impl Sensor {
     fn judge(&mut self, time: f64, nis: f64, share: f64, evidence: Evidence) -> Verdict {
         let time = Time::from_nanos((time * 1e9).round() as i64);
         let worst = (0, nis);
-        let sample = Judged { sensor: "depth", time, nis, threshold: 10.0, m: 1, share, worst };
+        let (m, channels) = (1, 1);
+        let sample =
+            Judged { sensor: "depth", time, nis, threshold: 10.0, m, channels, share, worst };
         self.lockout.judge(&sample, evidence, &self.recovery, &mut self.reports)
     }
 
@@ -136,10 +147,10 @@ fn a_lock_out_is_reported_once_and_its_fifth_sample_warned_of() {
 #[test]
 fn the_covariance_is_inflated_at_the_third_sample_after_a_silence() {
     let mut sensor = Sensor::new(Action::Inflate);
-    assert_eq!(sensor.until(from(16.0), 90.0), (18.0, Verdict::Inflate));
+    assert_eq!(sensor.until(from(16.0), 90.0), (18.0, Verdict::Adopt));
     assert_eq!(sensor.severities(), [Severity::Contained]);
     let mut sensor = Sensor::new(Action::Inflate);
-    assert_eq!(sensor.until([11.0, 17.0, 18.0], 39.0), (18.0, Verdict::Inflate));
+    assert_eq!(sensor.until([11.0, 17.0, 18.0], 39.0), (18.0, Verdict::Adopt));
     // 5 s are no silence, and the jump came after a gap of more than three intervals
     let mut sensor = Sensor::new(Action::Inflate);
     assert_eq!(sensor.until(from(15.0), 90.0), (45.0, Verdict::Inflate));
@@ -185,8 +196,8 @@ fn a_jump_is_judged_by_the_usual_nis_of_the_samples_that_passed() {
     // two channels share the NIS
     let mut sensor = Sensor::new(Action::Inflate);
     let (time, worst) = (Time::from_nanos(11_000_000_000), (0, 1.0));
-    let sample =
-        Judged { sensor: "depth", time, nis: 6.0, threshold: 10.0, m: 2, share: 1.0, worst };
+    let (nis, threshold, m, channels, share) = (6.0, 10.0, 2, 0b11, 1.0);
+    let sample = Judged { sensor: "depth", time, nis, threshold, m, channels, share, worst };
     sensor.lockout.judge(&sample, GOOD, &sensor.recovery, &mut sensor.reports);
     assert!((sensor.lockout.spread - 1.04).abs() < 1e-12, "{}", sensor.lockout.spread);
 }
@@ -200,7 +211,7 @@ fn after_a_lock_out_that_nothing_decided_a_jump_is_no_evidence() {
     assert_eq!(sensor.until(from(43.0), 90.0), (73.0, Verdict::Inflate));
     // one that a silence explained leaves the evidence
     let mut sensor = Sensor::new(Action::Inflate);
-    assert_eq!(sensor.until(from(20.0), 39.0), (22.0, Verdict::Inflate));
+    assert_eq!(sensor.until(from(20.0), 39.0), (22.0, Verdict::Adopt));
     assert_eq!(sensor.judge(23.0, 1.0, 1.0, GOOD), Verdict::Pass);
     assert_eq!(sensor.until(from(24.0), 90.0), (54.0, Verdict::Isolate));
 }
@@ -211,7 +222,7 @@ fn other_sensors_decide_by_their_last_word_and_by_being_gated_too() {
         let mut sensor = Sensor::new(Action::Inflate);
         let judged = from(11.0).map(|time| {
             let contradicted = words[usize::from(time > 20.0)];
-            sensor.judge(time, nis, 1.0, Evidence { passes: false, shared, contradicted })
+            sensor.judge(time, nis, 1.0, Evidence { shared, contradicted, ..BAD })
         });
         judged.take(31).last()
     };
@@ -298,4 +309,50 @@ fn a_sensor_that_is_gated_at_the_end_is_warned_of() {
     sensor.lockout.finish("depth", Time::MIN, &mut sensor.reports);
     let [(Level::Warning, text)] = &sensor.reports.events[..] else { unreachable!() };
     assert!(text.contains("last 2 samples"), "{text}");
+}
+
+/// Eleven samples were used before. Those that are gated agree with each other.
+#[test]
+fn gated_samples_that_agree_win_once_they_are_ten_times_as_many_as_the_used_ones() {
+    let repeated = Evidence { repeated: true, ..BAD };
+    let found = |evidence: Evidence, nis: f64| {
+        let mut sensor = Sensor::new(Action::Inflate);
+        let verdicts: Vec<Verdict> =
+            (11..121).map(|time| sensor.judge(f64::from(time), nis, 1.0, evidence)).collect();
+        (verdicts[108], verdicts[109], sensor.severities())
+    };
+    // a jump isolates the sensor at first
+    let both = vec![Severity::Contained, Severity::Doubtful];
+    assert_eq!(found(repeated, 90.0), (Verdict::Isolate, Verdict::Follow, both));
+    // they contradict each other, or other sensors contradict them
+    assert_eq!(found(BAD, 90.0).1, Verdict::Isolate);
+    assert_eq!(found(Evidence { contradicted: Some(true), ..repeated }, 39.0).1, Verdict::Isolate);
+}
+
+/// The first sample of a sensor is an outlier, which a wide prior lets pass.
+#[test]
+fn a_first_sample_that_was_wrong_costs_ten_samples() {
+    let repeated = Evidence { repeated: true, ..BAD };
+    let mut sensor = Sensor::unused(Action::Inflate);
+    assert_eq!(sensor.judge(0.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    let verdicts: Vec<Verdict> =
+        from(1.0).take(10).map(|time| sensor.judge(time, 90.0, 1.0, repeated)).collect();
+    assert_eq!(verdicts[8..], [Verdict::Gate, Verdict::Follow]);
+    // a second time is not quick: the sensor may have been right before
+    assert_eq!(sensor.severities(), [Severity::Doubtful]);
+    let mut again = from(11.0).take(20).map(|time| sensor.judge(time, 90.0, 1.0, repeated));
+    assert!(again.all(|verdict| verdict == Verdict::Gate));
+}
+
+/// The last used sample was at 10 s. A stop that was taken for a spike makes the filter wrong at once.
+#[test]
+fn a_jump_after_replaced_samples_of_the_driving_sensor_is_the_filters() {
+    let found = |seconds: f64| {
+        let mut sensor = Sensor::new(Action::Inflate);
+        let evidence = Evidence { replaced: Time::from_nanos((seconds * 1e9) as i64), ..BAD };
+        let verdicts = [11.0, 12.0, 13.0].map(|time| sensor.judge(time, 90.0, 1.0, evidence));
+        (verdicts[2], sensor.severities())
+    };
+    assert_eq!(found(10.5), (Verdict::Inflate, vec![Severity::Contained]));
+    assert_eq!(found(9.5), (Verdict::Gate, vec![]), "a sample was used since then");
 }

@@ -1,6 +1,7 @@
 //! The error that a sensor has measured, followed until its next sample, against dense matrices.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use super::super::reach::Reach;
 use super::*;
 use nalgebra::{DMatrix, DVector};
 

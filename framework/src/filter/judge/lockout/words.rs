@@ -1,0 +1,47 @@
+//! Reasons, remedies and messages of a lock-out.
+
+use super::Judged;
+use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::record::{Event, Level, Observer};
+
+/// Reasons of an isolation.
+pub(super) const CONTRADICTED: &str = "other sensors contradict it";
+pub(super) const JUMPED: &str =
+    "its innovation jumped between two samples, and an error of the filter grows gradually";
+
+/// Remedy where the first samples were wrong, or the prior was.
+pub(super) const EARLIER: &str = "look at the samples before, which the filter followed, and exclude them if \
+                                  they are wrong; or the prior is wrong";
+
+/// Remedy where the sensor is at fault.
+pub(super) const SENSOR: &str = "look at the sensor's samples from then on; its range, mounting and \
+                                 settings may have changed";
+
+/// Remedy where the filter is at fault.
+pub(super) const NOISE: &str = "the uncertainty was too small: raise the noise of the driving sensor, or \
+                                the priors, until the innovations are consistent";
+
+/// Remedy where the screening may have replaced right samples.
+pub(super) const REPLACED: &str = "the replaced samples were right, as those of a hard stop are: if such \
+                                   shocks are expected, switch off the screening of the driving sensor";
+
+/// Remedy where the fault may be in the sensor or in the filter.
+pub(super) const EITHER: &str = "no other sensor decides which one is wrong: look at the sensor's samples \
+                                 from then on, and at the noise of the driving sensor; recovery.action = \
+                                 \"report\" keeps the filter from adopting them";
+
+pub(super) fn log(sample: &Judged<'_>, level: Level, text: String, observer: &mut dyn Observer) {
+    observer.event(Event { time: sample.time, level, about: sample.sensor.to_owned(), text });
+}
+
+pub(super) fn find(
+    sample: &Judged<'_>,
+    severity: Severity,
+    text: String,
+    remedy: &str,
+    observer: &mut dyn Observer,
+) {
+    let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
+    let basis = Basis::Comparison;
+    observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
