@@ -240,6 +240,33 @@ fn a_sink_that_stands_still_makes_the_run_wait_with_few_records_in_memory() {
 }
 
 #[test]
+fn a_run_that_never_waits_gives_up_a_sink_that_stands_still_and_names_it() {
+    let witness = Witness::of(Wants::default() | Wants::TRANSITIONS | Wants::CORRECTIONS);
+    let other = Witness::new();
+    let mut sink = Background::new(witness.clone());
+    sink.never_wait();
+    // more than the queue holds, on a thread that the test holds up
+    let still = Arc::clone(&witness.still);
+    let lines = Arc::clone(&witness.lines);
+    let holder = std::thread::spawn(move || {
+        while lines.lock().unwrap().is_empty() {
+            std::thread::yield_now();
+        }
+        let held = still.lock().unwrap();
+        std::thread::park();
+        drop(held);
+    });
+    let sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink), Box::new(other.clone())];
+    let finished = go(&[], source(samples(20_000)), sinks);
+    assert!(finished.error.is_none());
+    let given_up = finished.events.iter().filter(|e| e.text.contains("does not keep up"));
+    assert_eq!(given_up.map(|e| e.about.as_str()).collect::<Vec<_>>(), ["sink0"]);
+    assert_eq!(other.lines().last().unwrap(), "finish");
+    holder.thread().unpark();
+    holder.join().unwrap();
+}
+
+#[test]
 fn a_sink_that_wants_nothing_receives_nothing_between_its_start_and_its_end() {
     let (here, there) = (Witness::of(Wants::NOTHING), Witness::of(Wants::NOTHING));
     let sinks: Vec<Box<dyn Sink>> =

@@ -4,7 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::execution::input::{document, runs_folder, seconds};
 use crate::execution::run::print;
 use crate::execution::service::ServiceManager;
-use crate::output::progress::stop_on_signal;
+use crate::output::progress::{end_on_signal, flag_on_hang_up};
 use crate::output::{Format, line, warn};
 use clap::Args;
 use navfuse_core::compose::Composition;
@@ -33,7 +33,7 @@ Examples:
   navfuse live vehicle.toml --out /data/dive-7
   navfuse play run.mcap --speed 10 | navfuse live desk.toml --speed 10
 
-The links of the scenario, [link.NAME], say how the samples arrive. Ctrl-C and SIGTERM end the run, and write its log.")]
+The links of the scenario, [link.NAME], say how the samples arrive. Ctrl-C and SIGTERM end the run, and write its log; SIGHUP begins a new log file.")]
 pub struct Live {
     /// The scenario, a TOML file with links
     pub scenario: PathBuf,
@@ -75,7 +75,8 @@ impl Watch for Last {
 
 /// Runs a scenario on its links.
 pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
-    let stop = stop_on_signal();
+    let stop = end_on_signal();
+    let reopen = flag_on_hang_up();
     let scenario = on_vehicle(registry, arguments)?;
     let folder = arguments.out.clone().unwrap_or_else(|| runs_folder(&scenario.name()));
     let _lock = FolderLock::take(&folder)?;
@@ -84,7 +85,8 @@ pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
     let every = seconds("--checkpoint", &arguments.checkpoint)?;
     let checkpoints = Duration::try_from_secs_f64(every)
         .map_err(|e| CommandError::argument("--checkpoint", e.to_string()))?;
-    let options = Options { speed: arguments.speed, folder: Some(folder), checkpoints, resume };
+    let options =
+        Options { speed: arguments.speed, folder: Some(folder), checkpoints, resume, reopen };
     let mut last = Last(Status::default(), ServiceManager::connect());
     let finished = run(assembly, options, &stop, &mut last)?;
     let text = arguments.format == Format::Text;

@@ -66,6 +66,17 @@ fn print(state: &State, age: Duration) {
         ]);
     }
     line(format_args!("{rows}"));
+    for sensor in &state.sensors {
+        if let Some([drift, sigma]) = sensor.clock.drift_ppm {
+            let delay = sensor.clock.delay_s.map_or(String::new(), |delay| {
+                format!("{:.1} ms behind the driving sensor, ", 1e3 * delay)
+            });
+            let name = &sensor.name;
+            line(format_args!(
+                "clock of {name}: {delay}drift {drift:.0} ppm, 1-sigma {sigma:.0} ppm"
+            ));
+        }
+    }
     for link in state.links.iter().filter(|link| link.dropped > 0 || link.ended) {
         let ended = if link.ended { ", ended" } else { "" };
         line(format_args!(

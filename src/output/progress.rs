@@ -13,18 +13,39 @@ pub const INTERRUPTED: u8 = 130;
 /// A flag that Ctrl-C and the signals SIGTERM and SIGHUP set, so that a run ends in order. Where a
 /// handler cannot be installed, the signal ends the process at once.
 pub fn stop_on_signal() -> Arc<AtomicBool> {
+    let stop = end_on_signal();
+    hang_up(&stop);
+    stop
+}
+
+/// A flag that Ctrl-C and the signal SIGTERM set.
+pub fn end_on_signal() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     install(&stop);
     stop
 }
 
+/// A flag that the signal SIGHUP sets, where there is one.
+pub fn flag_on_hang_up() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    hang_up(&flag);
+    flag
+}
+
 #[cfg(unix)]
 fn install(stop: &Arc<AtomicBool>) {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    // `nohup` starts a program that is not to end with its terminal
-    let hangs_up = ignored_signals() & (1 << (SIGHUP - 1)) == 0;
-    for signal in [SIGINT, SIGTERM].into_iter().chain(hangs_up.then_some(SIGHUP)) {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(stop)).ok();
+    }
+}
+
+#[cfg(unix)]
+fn hang_up(flag: &Arc<AtomicBool>) {
+    use signal_hook::consts::SIGHUP;
+    // `nohup` starts a program that is not to end with its terminal
+    if ignored_signals() & (1 << (SIGHUP - 1)) == 0 {
+        signal_hook::flag::register(SIGHUP, Arc::clone(flag)).ok();
     }
 }
 
@@ -42,6 +63,9 @@ fn install(stop: &Arc<AtomicBool>) {
     let flag = Arc::clone(stop);
     ctrlc::set_handler(move || flag.store(true, std::sync::atomic::Ordering::Relaxed)).ok();
 }
+
+#[cfg(not(unix))]
+fn hang_up(_: &Arc<AtomicBool>) {}
 
 /// The progress bar, on standard error.
 pub struct Bar(ProgressBar);

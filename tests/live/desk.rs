@@ -115,6 +115,17 @@ impl Desk {
     }
 }
 
+/// Ends a run in order.
+pub fn stop(live: &Child) {
+    send("-TERM", live);
+}
+
+/// Sends a signal to a run.
+pub fn send(signal: &str, live: &Child) {
+    let sent = std::process::Command::new("kill").args([signal, &live.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// The result of a command in JSON.
 pub fn result(output: Output) -> Value {
     let text = stdout(&output);

@@ -26,6 +26,17 @@ fn the_state_of_a_live_run_is_that_of_the_offline_run_and_its_log_replays_to_the
 }
 
 #[test]
+fn the_scenario_of_the_page_on_the_bluerov2_composes() {
+    let page = include_str!("../../docs/src/how-to/bluerov2.md");
+    let scenario =
+        page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let registry = navfuse::standard_plugins();
+    let document = Document::parse("bluerov2.toml".to_owned(), scenario.to_owned()).unwrap();
+    let composition = Scenario::new(&registry, document, &[]).unwrap().compose().unwrap();
+    assert!(composition.sensor("dvl").is_some());
+}
+
+#[test]
 fn a_program_pushes_samples_and_the_newest_estimate_is_that_of_the_offline_run() {
     let registry = navfuse::standard_plugins();
     let desk = Desk::new("");

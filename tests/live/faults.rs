@@ -1,7 +1,9 @@
 //! What goes wrong on a vehicle, each with its outcome.
 
-use super::desk::{Desk, dive, sealed, sentences, shifted, warnings};
+use super::desk::{Desk, dive, result, sealed, sentences, shifted, stop, warnings};
 use serde_json::Value;
+use std::io::Write;
+use std::net::{TcpListener, UdpSocket};
 
 const STDIN: &str = "[link.stdin]\n";
 /// Fast, and slow enough that an hour is a step of a clock.
@@ -130,4 +132,81 @@ fn a_full_disk_costs_the_log_and_not_the_run() {
     let result = desk.pass(&dive().sentences, &arguments);
     assert_eq!(result["states"], dive().states);
     assert!(warnings(&result).contains("/dev/full"), "{}", warnings(&result));
+}
+
+#[test]
+fn a_viewer_that_no_longer_answers_does_not_hold_the_run() {
+    // it accepts connections, and never reads from them
+    let viewer = TcpListener::bind("127.0.0.1:0").unwrap();
+    let connect = format!("sink.rerun.connect=\"{}\"", viewer.local_addr().unwrap());
+    let result =
+        Desk::new(STDIN).pass(&dive().sentences, &["--speed", "inf", "--set", connect.as_str()]);
+    assert_eq!(result["states"], dive().states);
+    let recorded = result["paths"].to_string();
+    assert!(recorded.contains("run.rrd, but a viewer no longer answered"), "{recorded}");
+    assert!(recorded.contains("run.mcap"), "{recorded}");
+}
+
+#[test]
+fn samples_that_arrive_in_another_order_give_the_same_estimates() {
+    // each measurement comes after up to 0.8 s of newer samples
+    let mut lines: Vec<_> = sentences().enumerate().collect();
+    lines.sort_by_key(|(k, (sensor, time, _))| match *sensor {
+        "imu" | "reference" => (time * 1e6) as u64,
+        _ => ((time + (k * 7919 % 800) as f64 * 1e-3) * 1e6) as u64,
+    });
+    let shuffled: Vec<u8> = lines.iter().flat_map(|(_, (_, _, line))| plain(line)).collect();
+    assert_ne!(shuffled, dive().sentences);
+    let result = Desk::new(STDIN).pass(&shuffled, &["--speed", "inf"]);
+    assert_eq!(result["states"], dive().states);
+}
+
+#[test]
+fn a_sensor_that_is_unplugged_and_comes_back_is_reported_and_used_again() {
+    let result = run(|(sensor, time, line)| match sensor {
+        "dvl" if (10.0..25.0).contains(&time) => Vec::new(),
+        _ => plain(line),
+    });
+    assert!(warnings(&result).contains("dvl lost: no sample for"), "{}", warnings(&result));
+    assert!((100..130).contains(&used(&result, "dvl")), "{result}");
+}
+
+#[test]
+fn a_second_publisher_whose_clock_is_an_hour_ahead_is_refused_and_the_first_one_used() {
+    let result = run(|(sensor, _, line)| match sensor {
+        "dvl" => [plain(line), shifted(line, 3600.0).into_bytes()].concat(),
+        _ => plain(line),
+    });
+    assert_eq!(result["states"], dive().states);
+    assert!(warnings(&result).contains("dvl: a time stamp is wrong by"), "{}", warnings(&result));
+}
+
+#[test]
+fn a_sensor_that_floods_its_link_loses_its_own_samples_and_the_loss_is_reported() {
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let desk = Desk::new(&format!(
+        "{STDIN}[link.flood]\ntype = \"udp\"\naddress = \"127.0.0.1:{port}\"\n"
+    ));
+    let mut live = desk.live(&["--speed", "inf", "--set", "sensor.depth.late=20 s"]);
+    let mut input = live.stdin.take().unwrap();
+    desk.wait_for("it listens", |_| true);
+    input.write_all(&dive().sentences).unwrap();
+    drop(input);
+    desk.wait_for("all of it", |s| s["time_s"].as_f64().is_some_and(|t| t > 39.9));
+    // 50 samples in each datagram
+    let flood = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let late: String =
+        (0..50).map(|k| sealed(&format!("PNVF,depth,39.9{k:02},depth=0.0"))).collect();
+    desk.wait_for("drops", |state| {
+        for _ in 0..200 {
+            flood.send_to(late.as_bytes(), ("127.0.0.1", port)).ok();
+        }
+        state["links"][0]["dropped"].as_u64().unwrap()
+            + state["links"][1]["dropped"].as_u64().unwrap()
+            > 0
+    });
+    stop(&live);
+    let result = result(live.wait_with_output().unwrap());
+    assert!(warnings(&result).contains("samples dropped"), "{}", warnings(&result));
+    assert_eq!(result["samples"]["dvl"]["read"], 201, "{result}");
 }

@@ -1,10 +1,9 @@
 //! The end of a run by a signal or by force, and its restart.
 
 use super::common::{navfuse, stdout};
-use super::desk::{Desk, sentences, warnings};
+use super::desk::{Desk, dive, result, send, sentences, warnings};
 use serde_json::Value;
 use std::io::Write;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 const STDIN: &str = "[link.stdin]\n";
@@ -13,12 +12,6 @@ const STDIN: &str = "[link.stdin]\n";
 fn part(from: f64, to: f64) -> Vec<u8> {
     let inside = sentences().filter(|(_, time, _)| (from..to).contains(time));
     inside.flat_map(|(_, _, line)| format!("{line}\r\n").into_bytes()).collect()
-}
-
-#[cfg(unix)]
-fn send(signal: &str, process: u32) {
-    let sent = Command::new("kill").args([signal, &process.to_string()]).status();
-    assert!(sent.unwrap().success());
 }
 
 #[cfg(unix)]
@@ -31,7 +24,7 @@ fn a_signal_ends_a_run_whose_links_wait_for_bytes() {
         let input = live.stdin.take().unwrap();
         desk.wait_for("it runs", |_| true);
         let begin = Instant::now();
-        send(signal, live.id());
+        send(signal, &live);
         let output = live.wait_with_output().unwrap();
         assert!(begin.elapsed() < Duration::from_secs(5), "{signal}: {:?}", begin.elapsed());
         assert!(output.status.success(), "{output:?}");
@@ -133,4 +126,48 @@ fn a_scenario_without_links_is_refused_with_the_types_that_there_are() {
     );
     let status = navfuse(&["status", &desk.path("live").display().to_string()]);
     assert!(!status.status.success() && stdout(&status).is_empty());
+}
+
+#[test]
+fn a_log_that_begins_new_files_replays_as_one_to_the_same_bits() {
+    let whole = sentences().flat_map(|(_, _, line)| format!("{line}\r\n").into_bytes());
+    let whole: Vec<u8> = whole.collect();
+    let desk = Desk::new(STDIN);
+    let by_age = desk.pass(&whole, &["--speed", "inf", "--set", "sink.mcap.rotate_every=15 s"]);
+    assert_eq!(by_age["states"], dive().states);
+    let first = desk.path("live/run.mcap");
+    let last = desk.path("live/run-0003.mcap");
+    assert!(first.is_file() && last.is_file() && !desk.path("live/run-0004.mcap").exists());
+    let replay = |log: &std::path::Path| {
+        let log = log.display().to_string();
+        let replay = navfuse(&["replay", &log, "--no-output", "--format", "json"]);
+        result(replay)
+    };
+    assert_eq!(replay(&first)["states"], by_age["states"]);
+    // a new run keeps all files of the earlier one together
+    desk.pass(&part(0.0, 5.0), &["--speed", "inf"]);
+    let earlier = std::fs::read_dir(desk.path("live/earlier")).unwrap().next().unwrap().unwrap();
+    assert!(earlier.path().join("run-0003.mcap").is_file() && !last.exists());
+    assert_eq!(replay(&earlier.path().join("run.mcap"))["states"], by_age["states"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn the_signal_hup_begins_a_new_log_file_and_the_run_goes_on() {
+    let desk = Desk::new(STDIN);
+    let mut live = desk.live(&["--speed", "inf"]);
+    let mut input = live.stdin.take().unwrap();
+    input.write_all(&part(0.0, 20.0)).unwrap();
+    desk.wait_for("it has taken 20 s", |s| s["time_s"].as_f64().is_some_and(|t| t > 19.9));
+    send("-HUP", &live);
+    let begin = Instant::now();
+    while !desk.path("live/run.mcap").is_file() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "no whole log");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    input.write_all(&part(20.0, 41.0)).unwrap();
+    drop(input);
+    let result = result(live.wait_with_output().unwrap());
+    assert_eq!(result["states"], dive().states);
+    assert!(desk.path("live/run-0002.mcap").is_file());
 }

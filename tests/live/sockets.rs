@@ -1,7 +1,7 @@
 //! Samples over UDP, TCP and serial ports, as instruments send them.
 
 use super::common::{command, navfuse, stdout};
-use super::desk::{Desk, dive, result, warnings};
+use super::desk::{Desk, dive, result, stop, warnings};
 #[cfg(unix)]
 use serialport::SerialPort;
 #[cfg(unix)]
@@ -63,12 +63,6 @@ fn a_recording_is_played_over_udp_and_the_state_of_the_run_is_seen_meanwhile() {
     stop(&live);
     let result = result(live.wait_with_output().unwrap());
     assert!(warnings(&result).contains("imu lost: no sample for 5 s"), "{}", warnings(&result));
-}
-
-/// Ends a run in order.
-fn stop(live: &Child) {
-    let sent = std::process::Command::new("kill").args(["-TERM", &live.id().to_string()]).status();
-    assert!(sent.unwrap().success());
 }
 
 #[test]

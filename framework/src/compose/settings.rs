@@ -66,6 +66,13 @@ pub struct EstimatorConfig {
     /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
+    /// Rate at which the newest estimate leaves over sinks such as `udp`, as it is before late samples
+    /// arrive. Default: `output_rate`.
+    newest_rate: Option<Positive<Frequency>>,
+}
+
+fn period(rate: Positive<Frequency>) -> Span {
+    Span::from_nanos(((1e9 / rate.value().si()).round() as i64).max(1))
 }
 
 fn ekf() -> String {
@@ -91,6 +98,7 @@ impl Default for EstimatorConfig {
             update: ekf(),
             covariance_rate: None,
             output_rate: ten_hertz(),
+            newest_rate: None,
         }
     }
 }
@@ -156,7 +164,12 @@ impl EstimatorConfig {
 
     /// Time between recorded estimates.
     pub fn output_period(&self) -> Span {
-        Span::from_nanos(((1e9 / self.output_rate.value().si()).round() as i64).max(1))
+        period(self.output_rate)
+    }
+
+    /// Time between newest estimates.
+    pub fn newest_period(&self) -> Span {
+        period(self.newest_rate.unwrap_or(self.output_rate))
     }
 
     /// Time between propagations of the covariance, if it is not every sample.

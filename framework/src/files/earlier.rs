@@ -1,5 +1,6 @@
 //! Keeping the earlier result of a folder when a new one takes its place.
 
+use super::numbered::numbered;
 use super::own::{is_own, reason_to_stay};
 use super::part_of;
 use crate::calendar::Calendar;
@@ -15,7 +16,8 @@ pub const EARLIER: &str = "earlier";
 /// Pages that commands write beside a result, and that describe this result alone.
 const DESCRIPTIONS: [&str; 1] = ["report.html"];
 
-/// Moves the named files of a folder, and the parts that a killed program left, into
+/// Moves the named files of a folder, the numbered ones that follow them ([`super::numbered`]), and the
+/// parts that a killed program left, into
 /// `earlier/TIME`, where `TIME` is the time of the newest of them (UTC). Returns this folder, or
 /// none if there was nothing to move. A device or a pipe stays. A file outside of the folder, such
 /// as the one behind a link, is kept in a folder beside it.
@@ -28,7 +30,13 @@ pub fn keep_earlier<P: AsRef<Path>>(
 ) -> io::Result<Option<PathBuf>> {
     let mut inside = Vec::new();
     let mut outside = Vec::new();
-    for name in names.into_iter().flat_map(|name| [part_of(name.as_ref()), name.as_ref().into()]) {
+    let with_following = |name: P| {
+        let mut all = following(folder, name.as_ref());
+        all.push(name.as_ref().into());
+        all
+    };
+    let names = names.into_iter().flat_map(with_following);
+    for name in names.flat_map(|name| [part_of(&name), name]) {
         let path = folder.join(&name);
         if let Some((kind, reason)) = reason_to_stay(&path) {
             return Err(io::Error::new(kind, format!("{}: {reason}", path.display())));
@@ -58,6 +66,17 @@ pub fn keep_earlier<P: AsRef<Path>>(
         fs::rename(folder.join(name), to)?;
     }
     Ok(Some(kept))
+}
+
+/// The names of a result's files in a folder that follow the first one, without a gap. The last one
+/// may be a part that a killed program left.
+fn following(folder: &Path, name: &Path) -> Vec<PathBuf> {
+    let names = (2..).map(|number| numbered(name, number));
+    let is_there = |name: &PathBuf| {
+        let path = folder.join(name);
+        path.exists() || part_of(&path).exists()
+    };
+    names.take_while(is_there).collect()
 }
 
 /// Moves a file, if it is there, into `earlier/TIME` beside it.

@@ -8,13 +8,22 @@ use crate::state::Layout;
 use crate::state::covariance::Transition;
 use batch::Batch;
 use std::panic::resume_unwind;
-use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// Number of batches that wait for the sink. A sink that is slower than the filter makes it wait
 /// from then on, so that the memory does not grow.
 const QUEUE: usize = 4;
+
+/// Number of batches that wait for the sink of a run that never waits: a minute of estimates.
+const LONG_QUEUE: usize = 600;
+
+/// Time that a run which never waits gives a sink at its end.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Time after which a run that waits for its end looks again.
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// Longest time for which an estimate waits until its batch is full: a viewer that watches shows a
 /// run as it goes on.
@@ -26,6 +35,9 @@ const DELAY: Duration = Duration::from_millis(100);
 /// started, judged and finished as any other. If it fails, the run notices with one of the next
 /// batches; what the sink does at its end is up to it.
 ///
+/// After [`Sink::never_wait`] the queue is longer, and a sink that falls behind its end fails. Its
+/// thread then takes what is in the queue, and nobody waits for it.
+///
 /// Choose it for a sink that works much, such as one that writes a recording. It costs a copy of
 /// every record.
 pub struct Background<S> {
@@ -33,7 +45,12 @@ pub struct Background<S> {
     sink: Option<S>,
     thread: Option<Thread<S>>,
     wants: Wants,
+    /// Set for a run that never waits for the sink.
+    hurries: bool,
 }
+
+/// A sink that has received everything, and its failure.
+type Ended<S> = std::thread::Result<(S, Result<(), StreamError>)>;
 
 /// A thread, and the batch that is filled for it.
 struct Thread<S> {
@@ -48,21 +65,36 @@ struct Thread<S> {
 }
 
 impl<S> Thread<S> {
-    /// Ends the thread once the sink has received everything.
-    fn end(self) -> std::thread::Result<(S, Result<(), StreamError>)> {
-        if !self.batch.is_empty() {
-            // a thread that has failed takes no batch, and returns its error
-            self.batches.send(self.batch).ok();
+    /// Ends the thread once the sink has received everything; `None` where that takes longer than
+    /// the patience.
+    fn end(self, patience: Option<Duration>) -> Option<Ended<S>> {
+        let Self { batch, batches, handle, .. } = self;
+        let until = patience.map(|patience| Instant::now() + patience);
+        let waits = || until.is_none_or(|until| Instant::now() < until);
+        let mut rest = (!batch.is_empty()).then_some(batch);
+        while let Some(batch) = rest.take() {
+            match batches.try_send(batch) {
+                Err(TrySendError::Full(batch)) if waits() => rest = Some(batch),
+                // a thread that has failed takes no batch, and returns its error
+                _ => break,
+            }
+            std::thread::sleep(PAUSE);
         }
-        drop(self.batches);
-        self.handle.join()
+        drop(batches);
+        while until.is_some() && !handle.is_finished() {
+            if !waits() {
+                return None;
+            }
+            std::thread::sleep(PAUSE);
+        }
+        Some(handle.join())
     }
 }
 
 impl<S: Sink> Background<S> {
     /// A sink on a thread that begins when the run starts.
     pub fn new(sink: S) -> Self {
-        Self { thread: None, wants: sink.wants(), sink: Some(sink) }
+        Self { thread: None, wants: sink.wants(), sink: Some(sink), hurries: false }
     }
 
     /// Adds a record to the batch, and sends it once it is due.
@@ -74,28 +106,44 @@ impl<S: Sink> Background<S> {
         if thread.batch.is_full() || late() { self.send() } else { Ok(()) }
     }
 
-    /// Sends the batch. Waits while the queue is full.
+    /// Sends the batch. Where the queue is full, it waits, or gives the sink up.
     fn send(&mut self) -> Result<(), StreamError> {
         let Some(thread) = &mut self.thread else { return Ok(()) };
         let empty = thread.empty.try_recv().unwrap_or_default();
         let batch = std::mem::replace(&mut thread.batch, empty);
         thread.sent = Instant::now();
-        // the thread ends early only with an error
-        if thread.batches.send(batch).is_ok() { Ok(()) } else { self.join() }
+        let sent = match self.hurries {
+            true => thread.batches.try_send(batch),
+            false => thread.batches.send(batch).map_err(|e| TrySendError::Disconnected(e.0)),
+        };
+        match sent {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Full(_)) => self.give_up("it does not keep up with the run"),
+            // the thread ends early only with an error
+            Err(TrySendError::Disconnected(_)) => self.join(),
+        }
+    }
+
+    /// Leaves the sink to its thread.
+    fn give_up(&mut self, why: &str) -> Result<(), StreamError> {
+        self.thread = None;
+        Err(StreamError::new(why))
     }
 
     /// Ends the thread; the sink goes on here.
     fn join(&mut self) -> Result<(), StreamError> {
         let Some(thread) = self.thread.take() else { return Ok(()) };
-        let (sink, passed) = thread.end().unwrap_or_else(|panic| resume_unwind(panic));
+        let patience = self.hurries.then_some(PATIENCE);
+        let Some(ended) = thread.end(patience) else { return self.give_up("it does not end") };
+        let (sink, passed) = ended.unwrap_or_else(|panic| resume_unwind(panic));
         self.sink = Some(sink);
         passed
     }
 }
 
-/// Starts the thread of a sink.
-fn start<S: Sink>(sink: S, layout: Layout) -> Result<Thread<S>, StreamError> {
-    let (batches, queue) = sync_channel::<Batch>(QUEUE);
+/// Starts the thread of a sink, for which so many batches wait at most.
+fn start<S: Sink>(sink: S, layout: Layout, most: usize) -> Result<Thread<S>, StreamError> {
+    let (batches, queue) = sync_channel::<Batch>(most);
     let (returned, empty) = channel();
     let work = move || {
         let (mut sink, mut places) = (sink, Transition::default());
@@ -121,10 +169,15 @@ impl<S: Sink> Sink for Background<S> {
         self.wants
     }
 
+    fn never_wait(&mut self) {
+        self.hurries = true;
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.sink.as_mut().map_or(Ok(()), |sink| sink.start(run))?;
         if let Some(sink) = self.sink.take() {
-            self.thread = Some(start(sink, run.layout.clone())?);
+            let most = if self.hurries { LONG_QUEUE } else { QUEUE };
+            self.thread = Some(start(sink, run.layout.clone(), most)?);
         }
         Ok(())
     }
@@ -140,6 +193,17 @@ impl<S: Sink> Sink for Background<S> {
         }
     }
 
+    fn reopen(&mut self) -> Result<(), StreamError> {
+        match (&mut self.sink, &mut self.thread) {
+            (Some(sink), _) => sink.reopen(),
+            (None, Some(thread)) => {
+                thread.batch.push_reopening();
+                self.send()
+            }
+            (None, None) => Ok(()),
+        }
+    }
+
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         let passed = self.join();
         // a sink that failed may still save what it has
@@ -152,7 +216,7 @@ impl<S> Drop for Background<S> {
     /// Waits until the sink has received everything, so that a run that was aborted leaves it.
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
-            thread.end().ok();
+            thread.end(self.hurries.then_some(PATIENCE));
         }
     }
 }

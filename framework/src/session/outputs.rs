@@ -128,6 +128,11 @@ impl Outputs {
         self.each(Time::MIN, |output| output.sink.start(run));
     }
 
+    /// Asks every sink to begin a new file.
+    pub(crate) fn reopen(&mut self, time: Time) {
+        self.each(time, |output| output.sink.reopen());
+    }
+
     /// Passes a record on to every sink that wants its kind.
     pub(crate) fn send(&mut self, time: Time, record: &Record<'_>) {
         self.send_to(time, record, |_| true);

@@ -51,7 +51,7 @@ pub struct Session {
     timeline: Option<Timeline>,
     silence: SilenceMonitor,
     outputs: Outputs,
-    /// Output rate of the newest estimates.
+    /// Rate of the newest estimates.
     newest: OutputRate,
     sensors: Vec<SensorInfo>,
     announced: Announced,
@@ -103,6 +103,7 @@ impl Session {
     /// Builds the parts of a run.
     pub(super) fn build(composition: Composition, info: &RunInfo, sinks: Vec<NamedSink>) -> Self {
         let rate = OutputRate::new(composition.estimator.output_period());
+        let newest = OutputRate::new(composition.estimator.newest_period());
         let judge = Judge::new(&composition);
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
         Self {
@@ -111,7 +112,7 @@ impl Session {
             announced: Announced::new(composition.notes.clone()),
             estimator: estimators::create(composition),
             outputs: Outputs::new(sinks, Statistics::new(info), rate, judge),
-            newest: rate,
+            newest,
             sensors: info.sensors.clone(),
             over: false,
             error: None,
@@ -138,6 +139,11 @@ impl Session {
     /// Keeps a warning for the end of the log, such as that a file was cut off.
     pub fn warn_at_end(&mut self, about: String, text: String) {
         self.announced.add_warning(about, text);
+    }
+
+    /// Asks the sinks to begin new files: [`crate::model::stream::Sink::reopen`].
+    pub fn reopen(&mut self) {
+        self.outputs.reopen(self.estimator.time());
     }
 
     /// Returns `true` once there is an estimate.
@@ -236,7 +242,7 @@ impl Session {
         Ok(())
     }
 
-    /// Shows the newest estimate to the sinks that want it, once in each period of the output rate.
+    /// Shows the newest estimate to the sinks that want it, once in each period of their rate.
     fn show_newest(&mut self) {
         let Self { timeline, outputs, estimator, .. } = self;
         let settled = estimator.running().then(|| estimator.time());

@@ -5,6 +5,7 @@
 //! format is that of NMEA 0183, that of a Doppler velocity log, or [sentences](Sentence) of
 //! samples. A port that is lost is opened again.
 
+mod blend;
 mod config;
 mod feed;
 mod instrument;
@@ -20,7 +21,7 @@ pub use instrument::{write_fix, write_water_linked};
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
 pub use serial::{Serial, serial_port};
-pub use sink::{EstimateFormat, UdpSink};
+pub use sink::{EstimateFormat, Known, Motion, UdpSink};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

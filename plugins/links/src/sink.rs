@@ -1,12 +1,13 @@
 //! The newest estimate in datagrams, as JSON or NMEA 0183.
 
+use crate::blend::Blend;
 use crate::ports::resolve;
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
-use navfuse_core::state::Vehicle;
-use navfuse_core::units::Date;
+use navfuse_core::state::{State, Vehicle};
 use navfuse_core::units::calendar::Calendar;
+use navfuse_core::units::{Date, Duration, Positive};
 use navfuse_nmea::writing::{circle, course_and_speed, place, seal, time_of_day};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -32,6 +33,9 @@ pub struct UdpSink {
     /// Date and time at which the run's clock is zero. Default: 1970-01-01T00:00:00, so that the
     /// times of the run are Unix times.
     pub origin: Option<Date>,
+    /// Makes position and attitude continuous: a correction decays to 1/e in this time, such as `2 s`,
+    /// and is in the sigma until then. Default: the estimate itself, which jumps.
+    pub blend: Option<Positive<Duration>>,
 }
 
 /// The format of an estimate.
@@ -63,8 +67,15 @@ impl SinkType for UdpSink {
         socket.set_nonblocking(true).map_err(failed)?;
         let origin = self.origin.map_or(0, |date| date.nanos);
         let (format, address) = (self.format, self.address);
-        let vehicle = Vehicle::default();
-        Ok(Box::new(Estimates { socket, address, format, origin, vehicle, text: String::new() }))
+        Ok(Box::new(Estimates {
+            socket,
+            address,
+            format,
+            origin,
+            vehicle: Vehicle::default(),
+            blend: self.blend.map(|time| (Blend::new(time.value().si()), State::default())),
+            text: String::new(),
+        }))
     }
 }
 
@@ -76,6 +87,8 @@ struct Estimates {
     /// Nanoseconds since 1970 of the run's zero.
     origin: i64,
     vehicle: Vehicle,
+    /// The continuous output, and its state.
+    blend: Option<(Blend, State)>,
     text: String,
 }
 
@@ -91,7 +104,15 @@ impl Sink for Estimates {
 
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Newest(epoch) = record else { return Ok(()) };
-        let motion = Motion::of(&self.vehicle, epoch);
+        let motion = match &mut self.blend {
+            Some((blend, shown)) => {
+                shown.clone_from(epoch.state);
+                let offsets = blend.take(&self.vehicle, epoch, shown);
+                let epoch = Epoch { state: shown, ..**epoch };
+                Motion::of(&self.vehicle, &epoch).widened(offsets)
+            }
+            None => Motion::of(&self.vehicle, epoch),
+        };
         self.text.clear();
         match self.format {
             EstimateFormat::Json => motion.json(&mut self.text, epoch.state.time.seconds()),
@@ -114,20 +135,22 @@ impl Sink for Estimates {
 }
 
 /// A vector of the motion and its 1-sigma along each axis.
-type Known = ([f64; 3], [f64; 3]);
+pub type Known = ([f64; 3], [f64; 3]);
 
 /// The motion of the vehicle as far as it is estimated.
-struct Motion {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
     /// Latitude and longitude, deg, and height, m; 1-sigma north, east, down, m.
-    position: Option<Known>,
+    pub position: Option<Known>,
     /// North, east, down, m/s.
-    velocity: Option<Known>,
+    pub velocity: Option<Known>,
     /// Roll, pitch, heading, deg; 1-sigma about north, east, down, deg.
-    attitude: Option<Known>,
+    pub attitude: Option<Known>,
 }
 
 impl Motion {
-    fn of(vehicle: &Vehicle, epoch: &Epoch<'_>) -> Self {
+    /// The motion in an estimate, whose layout has these blocks of the vehicle.
+    pub fn of(vehicle: &Vehicle, epoch: &Epoch<'_>) -> Self {
         let state = epoch.state;
         let sigma = |slot: usize| {
             let tangent = epoch.layout.blocks[slot].tangent;
@@ -148,6 +171,18 @@ impl Motion {
                 (angles.map(f64::to_degrees), sigma(handle.slot()).map(f64::to_degrees))
             }),
         }
+    }
+
+    /// The motion with the offsets of position, m, and attitude, rad, in its sigma.
+    fn widened(mut self, [position, attitude]: [[f64; 3]; 2]) -> Self {
+        let widen = |known: &mut Option<Known>, offset: [f64; 3]| {
+            if let Some((_, sigma)) = known {
+                *sigma = [0, 1, 2].map(|k| sigma[k].hypot(offset[k]));
+            }
+        };
+        widen(&mut self.position, position);
+        widen(&mut self.attitude, attitude.map(f64::to_degrees));
+        self
     }
 
     /// Appends an object; what is not estimated is left out.

@@ -36,17 +36,32 @@ const LANES: [f64; 2] = [290.0, 340.0];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;
 
-/// The messages of the layout of a run; with `ranges` after the run, when the plots' ranges are
-/// known.
+/// The stage of a run that a layout shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// It begins, and nobody watches.
+    Begins,
+    /// It goes on, and viewers watch.
+    Watched,
+    /// It has ended: the plots' ranges are known.
+    Ended,
+}
+
+/// The latest time that a viewer shows of a run that goes on, ns.
+const LATEST: i64 = 300_000_000_000;
+
+/// The messages of the layout of a run.
 ///
 /// # Errors
 /// When the viewer's library cannot encode the layout.
 pub fn messages(
     run: &Run,
     tabs: &[Box<dyn Tab>],
-    ranges: bool,
+    stage: Stage,
 ) -> RecordingStreamResult<Vec<LogMsg>> {
+    let ranges = stage == Stage::Ended;
     let mut layout = Layout::new(ranges);
+    layout.latest = (stage == Stage::Watched).then_some(LATEST);
     layout.span = run.span.filter(|(first, last)| ranges && first < last);
     let root = layout.root(run, tabs);
     layout.messages(root)

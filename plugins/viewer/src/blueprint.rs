@@ -39,6 +39,9 @@ pub struct Layout {
     pub rows: usize,
     /// The time of the run, ns, where it is known: the plots' horizontal axis.
     pub span: Option<(i64, i64)>,
+    /// Length of the latest time that plots and lanes show of a run that goes on, ns; they then follow
+    /// the cursor.
+    pub(crate) latest: Option<i64>,
     /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
     /// plots.
     pub legend: bool,
@@ -50,7 +53,7 @@ impl Layout {
     /// A layout without views; with `ranges` where the plots' ranges are known.
     pub fn new(ranges: bool) -> Self {
         let (legend, corner) = (true, Corner2D::RightTop);
-        Self { properties: Vec::new(), ranges, rows: 3, span: None, legend, corner }
+        Self { properties: Vec::new(), ranges, rows: 3, span: None, latest: None, legend, corner }
     }
 
     /// The messages of the layout with that container around all views.
@@ -112,12 +115,8 @@ impl Layout {
     ) -> ContainerLike {
         let view =
             ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
-        let bound = |time: Option<i64>| {
-            time.map_or(TimeRangeBoundary::Infinite, |t| TimeRangeBoundary::Absolute(TimeInt(t)))
-        };
-        let start = bound(start.or(self.span.map(|s| s.0)));
-        let whole = TimeRange { start, end: bound(self.span.map(|s| s.1)) };
-        self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(whole));
+        let range_of_time = self.range_of_time(start);
+        self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(range_of_time));
         let corner = PlotLegend::new().with_corner(self.corner);
         self.set(&view, "PlotLegend", corner.with_visible(self.legend));
         if let Some([low, high]) = range.filter(|_| self.ranges) {
@@ -125,6 +124,19 @@ impl Layout {
             self.set(&view, "ScalarAxis", ScalarAxis::new().with_range(range));
         }
         view
+    }
+
+    /// The time that a plot shows: from `start` on, ns, or the whole run, or the latest time.
+    fn range_of_time(&self, start: Option<i64>) -> TimeRange {
+        if let Some(latest) = self.latest {
+            let relative = |time| TimeRangeBoundary::CursorRelative(TimeInt(time));
+            return TimeRange { start: relative(-latest), end: relative(0) };
+        }
+        let bound = |time: Option<i64>| {
+            time.map_or(TimeRangeBoundary::Infinite, |t| TimeRangeBoundary::Absolute(TimeInt(t)))
+        };
+        let start = bound(start.or(self.span.map(|s| s.0)));
+        TimeRange { start, end: bound(self.span.map(|s| s.1)) }
     }
 
     /// One lane over time for each of those entities, which have states instead of numbers.
@@ -136,6 +148,10 @@ impl Layout {
             let class = ViewClass("StateTimeline".into());
             let class = ViewBlueprint::update_fields().with_class_identifier(class);
             self.properties.push((view.blueprint_path(), Box::new(class)));
+        }
+        if self.latest.is_some() {
+            let latest = TimeAxis::new().with_view_range(self.range_of_time(None));
+            self.set(&view, "TimeAxis", latest);
         }
         view
     }

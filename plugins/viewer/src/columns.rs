@@ -1,5 +1,6 @@
 //! Buffers of dense series, sent in blocks of columns: 40 ns a value, where row by row takes 5 us.
 
+use crate::history::Gaps;
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour};
 use navfuse_core::model::stream::StreamError;
@@ -23,6 +24,8 @@ pub struct Series {
     jump: f64,
     last: f64,
     for_viewers: bool,
+    /// Finds outages, in which the lines break.
+    gaps: Option<Gaps>,
 }
 
 impl Series {
@@ -30,7 +33,7 @@ impl Series {
         let style: Box<dyn AsComponents + Send> = Box::new(style);
         let (times, values) = (Vec::new(), Vec::new());
         let (style, jump, last) = (Some(style), f64::INFINITY, f64::NAN);
-        Self { path, width, times, values, style, jump, last, for_viewers: false }
+        Self { path, width, times, values, style, jump, last, for_viewers: false, gaps: None }
     }
 
     /// A series of lines, each with a name, a colour and a stroke width.
@@ -84,6 +87,12 @@ impl Series {
         self
     }
 
+    /// Breaks the lines where rows are missing for longer than usual.
+    pub fn broken_in_outages(mut self) -> Self {
+        self.gaps = Some(Gaps::default());
+        self
+    }
+
     /// Adds a row with one value for each line.
     ///
     /// # Errors
@@ -95,8 +104,10 @@ impl Series {
         values: &[f64],
     ) -> Result<(), StreamError> {
         debug_assert_eq!(values.len(), self.width);
-        if (values[0] - self.last).abs() > self.jump {
-            self.times.push(time.nanos() - 1);
+        let jump = ((values[0] - self.last).abs() > self.jump).then(|| time.nanos() - 1);
+        let outage = self.gaps.as_mut().and_then(|gaps| gaps.after(time));
+        if let Some(at) = outage.or(jump) {
+            self.times.push(at);
             self.values.extend(std::iter::repeat_n(f64::NAN, self.width));
         }
         self.last = values[0];

@@ -144,7 +144,7 @@ impl SensorSeries {
             if let Some(entity) = entity {
                 let series = channel.live.get_or_insert_with(|| {
                     let name = label(&channel.quantity.name, &channel.quantity.unit);
-                    Series::bounded(entity, name, colour(k), 1.2).for_viewers()
+                    Series::bounded(entity, name, colour(k), 1.2).for_viewers().broken_in_outages()
                 });
                 series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
             }

@@ -33,6 +33,8 @@ pub struct Recording {
     /// The streams to the file and to the viewers.
     streams: Vec<RecordingStream>,
     served: Option<Served>,
+    /// Set once a viewer has been given up.
+    gave_up: bool,
 }
 
 impl Recording {
@@ -49,7 +51,7 @@ impl Recording {
         }
         let id = StoreId::random(re_sdk::StoreKind::Recording, APPLICATION);
         let file = RecordingFile::create(&path).map_err(|e| failure(&path, e))?;
-        let mut recording = Self { streams: Vec::new(), path, file, served: None };
+        let mut recording = Self { streams: Vec::new(), path, file, served: None, gave_up: false };
         let to_file = stream(&id, recording.file.clone()).map_err(|e| recording.error(e))?;
         recording.streams.push(to_file);
         for viewer in live.viewers()? {
@@ -184,13 +186,13 @@ impl Recording {
     /// Sends the layout of a run that begins. A viewer shows it at once, and while it loads the
     /// file; the file of a run that was killed has no other.
     pub fn first_layout(&self, messages: &[LogMsg]) {
-        self.streams.iter().for_each(|s| send_layout(s, messages, true));
+        self.streams.iter().for_each(|s| send_layout(s, messages));
     }
 
-    /// Sends the layout of a run that has ended to the file and to the viewers. The file shows it;
-    /// a viewer that watched the run keeps the user's layout, and shows this one after a reset.
+    /// Sends the layout of a run that has ended. File and viewers show it: the plots of a run that
+    /// goes on have no further data.
     pub fn last_layout(&self, messages: &[LogMsg]) {
-        self.streams.iter().enumerate().for_each(|(k, s)| send_layout(s, messages, k == 0));
+        self.streams.iter().for_each(|s| send_layout(s, messages));
     }
 
     /// Waits until everything is written, and drops viewers that no longer answer.
@@ -202,11 +204,13 @@ impl Recording {
         let flushed = file.flush_blocking();
         self.file.check().map_err(|e| self.error(e))?;
         flushed.map_err(|e| self.error(e))?;
-        let mut k = 0;
-        self.streams.retain(|s| {
-            k += 1;
-            k == 1 || s.flush_with_timeout(PATIENCE).is_ok()
-        });
+        let viewers = self.streams.split_off(1);
+        let answers = |s: &RecordingStream| s.flush_with_timeout(PATIENCE).is_ok();
+        let (kept, gone): (Vec<_>, Vec<_>) = viewers.into_iter().partition(answers);
+        self.streams.extend(kept);
+        self.gave_up |= !gone.is_empty();
+        // a stream waits for its viewer before it ends
+        gone.into_iter().for_each(|stream| drop(std::thread::spawn(|| drop(stream))));
         Ok(())
     }
 
@@ -221,6 +225,7 @@ impl Recording {
         let finished = self.file.finish().map_err(|e| self.error(e));
         let path = self.path.display().to_string();
         let place = match self.served.take() {
+            None if self.gave_up => format!("{path}, but a viewer no longer answered"),
             None => path,
             Some(served) => {
                 let place = format!("{path}, shown at {}", served.url);
@@ -246,10 +251,11 @@ pub fn stream(id: &StoreId, sink: impl LogSink) -> RecordingStreamResult<Recordi
     Ok(stream)
 }
 
-/// Sends a layout, which becomes the default; `make_active` shows it at once.
-fn send_layout(stream: &RecordingStream, messages: &[LogMsg], make_active: bool) {
+/// Sends a layout, which becomes the default and is shown at once.
+fn send_layout(stream: &RecordingStream, messages: &[LogMsg]) {
     if let Some(blueprint_id) = messages.first().map(|m| m.store_id().clone()) {
-        let activate = BlueprintActivationCommand { blueprint_id, make_active, make_default: true };
+        let activate =
+            BlueprintActivationCommand { blueprint_id, make_active: true, make_default: true };
         stream.send_blueprint(messages.to_vec(), activate);
     }
 }

@@ -1,6 +1,6 @@
 //! The sink.
 
-use crate::arrangement;
+use crate::arrangement::{self, Stage};
 use crate::columns::ROWS;
 use crate::health::Lane;
 use crate::innovation::SensorSeries;
@@ -106,7 +106,9 @@ impl RerunSink {
     /// Writes the first layout, which knows no ranges yet.
     fn lay_out(&mut self) -> Result<(), StreamError> {
         if let Some(run) = &self.run {
-            let layout = arrangement::messages(run, &self.tabs, false);
+            let watched = self.recording.is_live();
+            let stage = if watched { Stage::Watched } else { Stage::Begins };
+            let layout = arrangement::messages(run, &self.tabs, stage);
             self.recording.first_layout(&layout.map_err(|e| self.recording.error(e))?);
         }
         self.laid_out = true;
@@ -155,7 +157,7 @@ impl RerunSink {
         if let Some(run) = &mut self.run {
             run.write(&self.recording)?;
             run.write_overview(&self.recording, self.verdict.as_ref())?;
-            let layout = arrangement::messages(run, &self.tabs, true)
+            let layout = arrangement::messages(run, &self.tabs, Stage::Ended)
                 .map_err(|e| self.recording.error(e))?;
             self.recording.last_layout(&layout);
         }

@@ -185,7 +185,9 @@ impl BlockSeries {
                 let c = &mut self.components[k];
                 let series = c.live.get_or_insert_with(|| {
                     let name = if known { format!("{} error", c.name) } else { c.name.clone() };
-                    Series::bounded(entity, label(&name, c.unit), colour(k), 2.4).for_viewers()
+                    Series::bounded(entity, label(&name, c.unit), colour(k), 2.4)
+                        .for_viewers()
+                        .broken_in_outages()
                 });
                 let middle = if known { [e, bound, -bound] } else { [x, x + bound, x - bound] };
                 series.push(recording, time, &middle)?;

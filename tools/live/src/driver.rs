@@ -13,6 +13,7 @@ use navfuse_core::session::{End, Finished, RunError, Session};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
@@ -36,11 +37,14 @@ pub struct Options {
     pub checkpoints: Duration,
     /// Checkpoint from which the run goes on.
     pub resume: Option<Checkpoint>,
+    /// Set whenever the log is to begin a new file; the run clears it.
+    pub reopen: Arc<AtomicBool>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { speed: 1.0, folder: None, checkpoints: Duration::from_secs(5), resume: None }
+        let checkpoints = Duration::from_secs(5);
+        Self { speed: 1.0, folder: None, checkpoints, resume: None, reopen: Arc::default() }
     }
 }
 
@@ -108,6 +112,7 @@ pub(crate) struct Driver {
     saves: bool,
     saved: Instant,
     checkpoints: Duration,
+    reopen: Arc<AtomicBool>,
     shown: Instant,
     begin: Instant,
 }
@@ -123,6 +128,7 @@ impl Driver {
         let LiveAssembly { composition, mut sinks, .. } = assembly;
         let infos: Vec<_> = composition.sensors.iter().map(|s| s.info.clone()).collect();
         let sensors = Sensors::new(&infos, options.speed);
+        sinks.iter_mut().for_each(|(_, sink)| sink.never_wait());
         sinks.push(("live".to_owned(), Box::new(sensors.clone())));
         let late = composition.sensors.iter().map(|s| s.late.map_or(0.0, Span::seconds)).collect();
         let driver = composition.processes.iter().find_map(|p| p.input);
@@ -151,6 +157,7 @@ impl Driver {
             latency: Latency::default(),
             saves: true,
             checkpoints: options.checkpoints,
+            reopen: options.reopen,
             saved: begin,
             shown: begin,
             begin,
@@ -188,6 +195,9 @@ impl Driver {
                 Some(arrival) => self.take(arrival, watch)?,
                 None if self.links.iter().all(|link| link.ended) => break,
                 None => self.wait()?,
+            }
+            if self.reopen.swap(false, Ordering::Relaxed) {
+                self.session.reopen();
             }
             if self.shown.elapsed() >= STATUS_PERIOD {
                 self.shown = Instant::now();
@@ -281,16 +291,18 @@ impl Driver {
     /// Shows the state of the run, and writes it.
     fn show(&mut self, watch: &mut dyn Watch) {
         let verdict = self.session.health();
-        for (k, link) in self.links.iter_mut().enumerate() {
-            link.dropped = self.arrivals.dropped(k);
-        }
+        self.count_dropped();
         let running = self.session.running();
         let milliseconds = |latency: Duration| latency.as_secs_f64() * 1e3;
+        let mut sensors = self.sensors.status(Instant::now(), &verdict);
+        for (k, sensor) in sensors.iter_mut().enumerate() {
+            sensor.clock = self.stamps.clock(k);
+        }
         let status = Status {
             name: self.name.clone(),
             running,
             time_s: self.session.newest(|epoch| epoch.state.time.seconds()),
-            sensors: self.sensors.status(Instant::now(), &verdict),
+            sensors,
             verdict: verdict.level,
             text: verdict.text,
             links: self.links.clone(),
@@ -305,6 +317,23 @@ impl Driver {
             && let Ok(content) = serde_json::to_vec_pretty(&status)
         {
             saver.save(STATUS, content);
+        }
+    }
+
+    /// Counts the samples that the links dropped. A link that floods the run is reported at once, and
+    /// again whenever its count has doubled.
+    fn count_dropped(&mut self) {
+        let mut reports = Vec::new();
+        for (k, link) in self.links.iter_mut().enumerate() {
+            let dropped = self.arrivals.dropped(k);
+            if (dropped + 1).ilog2() > (link.dropped + 1).ilog2() {
+                let text = format!("{dropped} samples dropped: they came faster than the filter");
+                reports.push((link.name.clone(), text));
+            }
+            link.dropped = dropped;
+        }
+        for (about, text) in reports {
+            self.report(Level::Warning, about, text);
         }
     }
 

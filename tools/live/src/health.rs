@@ -1,5 +1,6 @@
 //! The state of a run and of its sensors while it goes on.
 
+use crate::delays::ClockStatus;
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{Outcome, Record, Wants};
@@ -51,6 +52,9 @@ pub struct SensorStatus {
     pub rate_hz: Option<f64>,
     /// Time since the latest sample, s.
     pub age_s: Option<f64>,
+    /// Its clock.
+    #[serde(default)]
+    pub clock: ClockStatus,
 }
 
 /// A link while the run goes on.

@@ -5,6 +5,7 @@
 //! sensor while it is silent, follows a clock that steps, and saves a checkpoint every few seconds.
 //! [`Live`] is the same for a program that pushes samples itself.
 
+mod delays;
 mod driver;
 mod health;
 mod latency;
@@ -12,6 +13,7 @@ mod live;
 mod saver;
 mod stamps;
 
+pub use delays::ClockStatus;
 pub use driver::{Options, Watch, run};
 pub use health::{LinkStatus, SensorState, SensorStatus, Status};
 pub use latency::Latency;

@@ -6,8 +6,8 @@ use navfuse_core::model::stream::{Arrivals, Inbox, StreamError};
 use navfuse_core::plugin::BuildError;
 use navfuse_core::run::scenario::{LiveAssembly, Scenario};
 use navfuse_core::session::Finished;
-use navfuse_core::state::State;
 use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -61,6 +61,7 @@ pub struct Newest {
 /// ```
 pub struct Live {
     sensors: Vec<String>,
+    layout: Arc<Layout>,
     inbox: Mutex<Inbox>,
     newest: Arc<Mutex<Option<Newest>>>,
     stop: Arc<AtomicBool>,
@@ -108,6 +109,7 @@ impl Live {
     /// When a thread cannot be started, or the checkpoint is of another scenario.
     pub fn start(assembly: LiveAssembly, options: Options) -> Result<Self, LiveError> {
         let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.clone()).collect();
+        let layout = Arc::clone(&assembly.composition.layout);
         let mut arrivals = Arrivals::default();
         let LiveAssembly { composition, feeds, sinks } = assembly;
         let mut names = start(feeds, &mut arrivals)?;
@@ -121,7 +123,17 @@ impl Live {
         let thread = Builder::new().name("navfuse".to_owned()).spawn(work);
         let thread =
             thread.map_err(|e| StreamError::new("the system gives no thread").with_source(e))?;
-        Ok(Self { sensors, inbox: Mutex::new(inbox), newest, stop, thread })
+        Ok(Self { sensors, layout, inbox: Mutex::new(inbox), newest, stop, thread })
+    }
+
+    /// The names of the sensors, in the order of their ids.
+    pub fn sensors(&self) -> &[String] {
+        &self.sensors
+    }
+
+    /// The layout of state and covariance.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// The sensor of that name in the scenario.
@@ -132,8 +144,12 @@ impl Live {
     /// Hands a sample over: its time on the run's clock, and the channels of its sensor in SI. Where
     /// the filter is 4096 samples behind, the sample is dropped, and the result is `false`.
     pub fn push(&self, sensor: SensorId, time: Time, channels: &[f64]) -> bool {
-        let mut inbox = self.inbox.lock().unwrap_or_else(PoisonError::into_inner);
-        inbox.offer(&Sample::new(time, sensor, channels))
+        self.push_sample(&Sample::new(time, sensor, channels))
+    }
+
+    /// As [`Self::push`], of a sample some of whose channels may be missing.
+    pub fn push_sample(&self, sample: &Sample) -> bool {
+        self.inbox.lock().unwrap_or_else(PoisonError::into_inner).offer(sample)
     }
 
     /// The estimate after all samples that the filter has taken; `None` before the start.

@@ -4,6 +4,7 @@
 //! was set, or the stamp is damaged. A single such sample is refused; once several agree with each
 //! other, the clock was set, and its step is taken out, so that the time of the run goes on.
 
+use crate::delays::{ClockStatus, Delays};
 use navfuse_core::units::time::{Span, Time};
 use std::time::Instant;
 
@@ -32,7 +33,7 @@ struct Mark {
 }
 
 /// The clock of one sensor.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Clock {
     /// The latest time that was used.
     last: Option<Mark>,
@@ -42,6 +43,7 @@ struct Clock {
     shift: Span,
     /// The latest stamp that was refused, and the number of those that agree with it.
     refused: Option<(Mark, u32)>,
+    delays: Delays,
 }
 
 /// The clocks of all sensors.
@@ -54,12 +56,22 @@ pub struct Stamps {
     late: Vec<f64>,
     /// Seconds of the run in a second.
     speed: f64,
+    /// The first sample of the run.
+    first: Option<Mark>,
 }
 
 impl Stamps {
     /// The clocks of sensors with these bounds `late`.
     pub fn new(driver: Option<usize>, late: Vec<f64>, speed: f64) -> Self {
-        Self { sensors: vec![Clock::default(); late.len()], driver, late, speed }
+        Self { sensors: vec![Clock::default(); late.len()], driver, late, speed, first: None }
+    }
+
+    /// The clock of a sensor, as far as it is known.
+    pub fn clock(&self, sensor: usize) -> ClockStatus {
+        let delays = &self.sensors[sensor].delays;
+        let driver = self.driver.and_then(|driver| self.sensors[driver].delays.least());
+        let delay_s = delays.least().zip(driver).map(|(own, driver)| own - driver);
+        ClockStatus { delay_s, drift_ppm: delays.drift() }
     }
 
     /// The time of the run at a moment, once the driving sensor has one.
@@ -79,16 +91,17 @@ impl Stamps {
 
     /// Judges the stamp of a sample that arrived at this moment.
     pub fn judge(&mut self, sensor: usize, stamp: Time, at: Instant) -> Judged {
-        let clock = self.sensors[sensor];
+        let clock = &self.sensors[sensor];
+        let (last, refused) = (clock.last, clock.refused);
         let time = stamp + clock.shift;
         let mark = Mark { stamp: time, at };
         let Some(error) = self.error(sensor, mark) else { return self.accept(sensor, mark) };
-        let agreeing = match clock.refused {
+        let agreeing = match refused {
             Some((before, count)) if self.follows(before, Mark { stamp, at }) => count + 1,
             _ => 1,
         };
         self.sensors[sensor].refused = Some((Mark { stamp, at }, agreeing));
-        match clock.last {
+        match last {
             Some(last) if agreeing >= AGREEING => {
                 let expected = self.elapsed(last, at).max(1e-6);
                 let expected = last.stamp + Span::from_seconds(expected).unwrap_or_default();
@@ -104,7 +117,13 @@ impl Stamps {
     fn accept(&mut self, sensor: usize, mark: Mark) -> Judged {
         let lead = self.sensors[sensor].lead;
         let leads = lead.is_none_or(|lead| self.ahead(lead, mark) >= 0.0);
+        let first = *self.first.get_or_insert(mark);
+        let [now, delay] = [self.elapsed(first, mark.at), -self.ahead(first, mark)];
         let clock = &mut self.sensors[sensor];
+        // a recording that is played at any speed has no clock
+        if self.speed.is_finite() {
+            clock.delays.take(now, delay);
+        }
         clock.refused = None;
         clock.lead = if leads { Some(mark) } else { lead };
         if clock.last.is_none_or(|last| mark.stamp >= last.stamp) {

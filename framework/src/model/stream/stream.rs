@@ -115,12 +115,19 @@ pub trait Sink: Any + Send {
     fn wants(&self) -> Wants {
         Wants::default()
     }
+    /// The run is on a vehicle: from its start on, the sink never makes it wait for a disk or a viewer,
+    /// and fails where it cannot keep up.
+    fn never_wait(&mut self) {}
     /// The run begins.
     fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
         Ok(())
     }
     /// Takes a record.
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError>;
+    /// Completes the file and begins a new one, for a sink that can: the signal SIGHUP asks for it.
+    fn reopen(&mut self) -> Result<(), StreamError> {
+        Ok(())
+    }
     /// A quantity that the sink derives from the records so far, for the sinks that want
     /// [`Wants::DERIVED`]. The run asks after each estimate of the filter, and at its end.
     fn derive(&mut self, _end: bool) -> Option<Derived> {

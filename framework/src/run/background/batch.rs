@@ -30,6 +30,8 @@ enum Owned {
     Event(Event),
     Finding(Box<Finding>),
     Derived(Derived),
+    /// No record: the sink begins a new file.
+    Reopening,
 }
 
 /// The record that an estimate makes.
@@ -173,6 +175,11 @@ impl Batch {
         self.order.push(owned);
     }
 
+    /// Adds the wish for a new file.
+    pub(super) fn push_reopening(&mut self) {
+        self.order.push(Owned::Reopening);
+    }
+
     /// Counts a record that owns a text.
     fn text(&mut self, owned: Owned) -> Owned {
         self.texts += 1;
@@ -270,6 +277,7 @@ impl Batch {
                 Owned::Event(event) => Some(sink.take(&Record::Event(event))),
                 Owned::Finding(finding) => Some(sink.take(&Record::Finding(finding))),
                 Owned::Derived(derived) => Some(sink.take(&Record::Derived(derived))),
+                Owned::Reopening => Some(sink.reopen()),
             };
             passed.unwrap_or(Ok(()))?;
         }

@@ -6,6 +6,8 @@ use crate::log::StreamFailure;
 use navfuse_core::files::WholeFile;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
@@ -40,6 +42,8 @@ pub struct Background {
     /// Chunks that were written, and whose memory is used again.
     empty: Receiver<Chunk>,
     thread: Option<JoinHandle<io::Result<()>>>,
+    /// Length of the file so far.
+    written: Arc<AtomicU64>,
 }
 
 impl Background {
@@ -47,6 +51,8 @@ impl Background {
     pub fn start<W: Whole + Send + 'static>(file: LogFile<W>) -> io::Result<Self> {
         let (jobs, queue) = sync_channel(QUEUE);
         let (returned, empty) = channel();
+        let written = Arc::<AtomicU64>::default();
+        let length = Arc::clone(&written);
         let thread = Builder::new().name("mcap".into());
         let thread = thread.spawn(move || {
             let mut file = file;
@@ -54,6 +60,7 @@ impl Background {
                 match job {
                     Job::Chunk(mut chunk) => {
                         file.chunk(&chunk)?;
+                        length.store(file.length(), Ordering::Relaxed);
                         chunk.clear();
                         // once the run is over, nobody takes the chunk back
                         returned.send(chunk).ok();
@@ -65,7 +72,12 @@ impl Background {
             // a run that was aborted leaves the part, which can be read to its end
             file.finish().map(drop)
         })?;
-        Ok(Self { jobs: Some(jobs), empty, thread: Some(thread) })
+        Ok(Self { jobs: Some(jobs), empty, thread: Some(thread), written })
+    }
+
+    /// Bytes that have been written.
+    pub fn written(&self) -> u64 {
+        self.written.load(Ordering::Relaxed)
     }
 
     /// Takes a chunk to be written, and puts an empty one in its place. Waits while the queue is
@@ -122,8 +134,8 @@ mod tests {
     use super::*;
     use crate::chunk::{Definitions, Topic};
     use crate::file::Compression;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-    use std::sync::{Arc, Mutex};
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicUsize;
     use std::time::Duration;
 
     /// A disk that stands still while the test holds its lock, and is full after some bytes.

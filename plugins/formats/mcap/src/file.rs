@@ -139,6 +139,11 @@ impl<W: Write> LogFile<W> {
         Ok(file)
     }
 
+    /// Number of bytes that have been written.
+    pub fn length(&self) -> u64 {
+        self.position
+    }
+
     /// Writes the buffer and clears it.
     fn write_buffer(&mut self) -> io::Result<()> {
         let bytes = std::mem::take(&mut self.buffer);

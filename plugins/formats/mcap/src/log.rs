@@ -70,11 +70,15 @@ pub struct LogInfo {
     pub version: String,
     /// Log time minus run time, ns.
     pub log_time_offset: i64,
+    /// Of a log in several files: the time of the run's first sample, ns, and the number of this file.
+    pub part: Option<(i64, u32)>,
 }
 
 impl LogInfo {
     fn new(record: Metadata) -> Option<Self> {
         let mut entries = record.metadata;
+        let part = entries.remove("part").and_then(|number| number.parse().ok());
+        let first = entries.remove("run_first_ns").and_then(|time| time.parse().ok());
         Some(Self {
             name: entries.remove("name")?,
             scenario: entries.remove("scenario")?,
@@ -83,6 +87,7 @@ impl LogInfo {
             simulated: entries.remove("simulated").is_some_and(|text| text == "true"),
             version: entries.remove("version")?,
             log_time_offset: entries.remove("log_time_offset_ns")?.parse().ok()?,
+            part: first.zip(part),
         })
     }
 }

@@ -6,7 +6,7 @@ use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
 use crate::message::Stamp;
 use crate::topics::Topics;
 use crate::writer::LogWriter;
-use navfuse_core::files::{WholeFile, part_of};
+use navfuse_core::files::{WholeFile, numbered, part_of};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Derived, Epoch, Event, InputRejection, Record, UpdateRecord};
@@ -14,11 +14,13 @@ use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
+use navfuse_core::units::{Duration, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 /// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
@@ -32,6 +34,11 @@ pub struct Mcap {
     /// `zstd` (default, smallest), `lz4` (faster) or `none` (fastest).
     #[serde(default)]
     pub compression: Compression,
+    /// Begins a new file (`run-0002.mcap`) after this time, such as `1 h`; `navfuse replay` reads
+    /// all from the first one on. Default: one file.
+    pub rotate_every: Option<Positive<Duration>>,
+    /// Begins a new file once one has this many MB. Default: one file.
+    pub rotate_mb: Option<NonZeroU32>,
 }
 
 fn run_mcap() -> PathBuf {
@@ -48,9 +55,20 @@ impl SinkType for Mcap {
     }
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let sink = McapSink::create(&context.output.join(&self.path), self.compression)?;
+        let mut sink = McapSink::create(&context.output.join(&self.path), self.compression)?;
+        sink.limits = Limits {
+            age: self.rotate_every.and_then(|age| Span::from_seconds(age.value().si())),
+            bytes: self.rotate_mb.map(|mb| 1_000_000 * u64::from(mb.get())),
+        };
         Ok(Box::new(Background::new(sink)))
     }
+}
+
+/// The age and the length beyond which a log goes on in a new file.
+#[derive(Clone, Copy, Debug, Default)]
+struct Limits {
+    age: Option<Span>,
+    bytes: Option<u64>,
 }
 
 /// A log that is being written.
@@ -60,11 +78,16 @@ impl SinkType for Mcap {
 pub struct McapSink {
     path: PathBuf,
     compression: Compression,
+    limits: Limits,
     file: Option<WholeFile>,
     run: Option<RunInfo>,
     /// Events before the first sample.
     held: Vec<Event>,
     recording: Option<Recording>,
+    /// Time of the first sample, once there is one.
+    first: Option<Time>,
+    /// Number of the file that is being written, from 1.
+    number: u32,
 }
 
 impl McapSink {
@@ -79,10 +102,13 @@ impl McapSink {
         Ok(Self {
             path,
             compression,
+            limits: Limits::default(),
             file: Some(file),
             run: None,
             held: Vec::new(),
             recording: None,
+            first: None,
+            number: 1,
         })
     }
 
@@ -91,10 +117,11 @@ impl McapSink {
         let recording = match self.recording.take() {
             Some(recording) => recording,
             None => {
-                let (Some(file), Some(run)) = (self.file.take(), self.run.take()) else {
+                let (Some(file), Some(run)) = (self.file.take(), &self.run) else {
                     return Err(failure(&self.path, "it is closed"));
                 };
-                let mut recording = Recording::begin(file, self.compression, &run, now)
+                let part = (*self.first.get_or_insert(now), self.number);
+                let mut recording = Recording::begin(file, self.compression, run, now, part)
                     .map_err(|e| failure(&self.path, e))?;
                 for event in std::mem::take(&mut self.held) {
                     recording.event(&event).map_err(|e| failure(&self.path, e))?;
@@ -119,6 +146,32 @@ impl McapSink {
     }
 }
 
+impl McapSink {
+    /// Takes a sample, with which a new file may begin.
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        let Limits { age, bytes } = self.limits;
+        let due = self.recording.as_ref().is_some_and(|r| {
+            age.is_some_and(|age| sample.time - r.begin >= age)
+                || bytes.is_some_and(|bytes| r.log.length() >= bytes)
+        });
+        if due {
+            self.next_file()?;
+        }
+        self.record(sample.time, |r| r.sample(sample))
+    }
+
+    /// Completes the file, and creates the next one; no file without a sample is completed.
+    fn next_file(&mut self) -> Result<(), StreamError> {
+        let Some(recording) = self.recording.take() else { return Ok(()) };
+        recording.finish().map_err(|e| failure(&self.path, e))?;
+        self.number += 1;
+        let path = numbered(&self.path, self.number);
+        let file = WholeFile::create(&path).map_err(|e| StreamError::sink(Mcap::TYPE, path, e))?;
+        self.file = Some(file);
+        Ok(())
+    }
+}
+
 /// An error of writing the log, with its remedy.
 fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
     let error = StreamError::sink(Mcap::TYPE, path, cause);
@@ -138,7 +191,7 @@ impl Sink for McapSink {
 
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
-            Record::Sample(sample) => self.record(sample.time, |r| r.sample(sample)),
+            Record::Sample(sample) => self.sample(sample),
             Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
             Record::Filtered(epoch) => self.record(epoch.state.time, |r| r.filtered(epoch)),
             Record::Update(update) => self.record(update.time, |r| r.update(update)),
@@ -156,12 +209,20 @@ impl Sink for McapSink {
         }
     }
 
+    fn reopen(&mut self) -> Result<(), StreamError> {
+        self.next_file()
+    }
+
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         self.recording(Time::default())?;
         if let Some(recording) = self.recording.take() {
             recording.finish().map_err(|e| failure(&self.path, e))?;
         }
-        Ok(Some(self.path.display().to_string()))
+        let path = self.path.display();
+        Ok(Some(match self.number {
+            1 => path.to_string(),
+            _ => format!("{path} to {}", numbered(&self.path, self.number).display()),
+        }))
     }
 }
 
@@ -186,6 +247,7 @@ impl McapSink {
 struct Recording {
     log: LogWriter,
     topics: Topics,
+    begin: Time,
 }
 
 impl Recording {
@@ -193,7 +255,8 @@ impl Recording {
         file: WholeFile,
         compression: Compression,
         run: &RunInfo,
-        first: Time,
+        begin: Time,
+        (first, number): (Time, u32),
     ) -> Result<Self, StreamFailure> {
         // whole seconds, so that log times and stamps have the same fraction of a second
         let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
@@ -207,17 +270,21 @@ impl Recording {
             ("scenario", run.scenario.clone()),
         ];
         entries.extend(run.description.clone().map(|text| ("description", text)));
+        if number > 1 {
+            entries.push(("part", number.to_string()));
+            entries.push(("run_first_ns", first.nanos().to_string()));
+        }
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let mut definitions = Definitions::default();
         let topics = Topics::open(&mut definitions, run);
-        let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
+        let start = u64::try_from(begin.nanos().saturating_add(offset)).unwrap_or(0);
         let head = |file: &mut LogFile<WholeFile>| {
             file.metadata(METADATA, &metadata)?;
             file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())
         };
         let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
-        log.latest = first;
-        Ok(Self { log, topics })
+        log.latest = begin;
+        Ok(Self { log, topics, begin })
     }
 
     /// Completes the file, which then takes its name.

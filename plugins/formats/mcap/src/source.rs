@@ -6,6 +6,7 @@ use crate::records::Records;
 use crate::schema;
 use crate::topics::RATES;
 use mcap::records::{Record, op};
+use navfuse_core::files::{numbered, part_of};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -47,6 +48,9 @@ pub struct McapSource {
     router: Router,
     end: Option<Time>,
     last: Option<Time>,
+    parts: Parts,
+    /// Warnings about the files of the log before this one.
+    earlier: Vec<String>,
 }
 
 impl McapSource {
@@ -62,8 +66,14 @@ impl McapSource {
     ) -> Result<Self, StreamError> {
         let info = read_info(path, true)?;
         let records = Records::open(path, Chunks::Unpacked)?;
-        let mut source =
-            Self { records, router: Router::new(sensors, topics), end: None, last: None };
+        let mut source = Self {
+            records,
+            router: Router::new(sensors, topics),
+            end: None,
+            last: None,
+            parts: Parts::from(path, info.as_ref()),
+            earlier: Vec::new(),
+        };
         source.router.check_topics().map_err(|e| e.in_file(path))?;
         if let Some(summary) = summary(path) {
             for (c, schema) in summary.channels.values() {
@@ -82,10 +92,18 @@ impl McapSource {
 
 impl Source for McapSource {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        if let Some(found) = self.records.find(|opcode, data| self.router.record(opcode, data))? {
-            self.last = Some(found.time);
-            *sample = found;
-            return Ok(true);
+        loop {
+            let found = self.records.find(|opcode, data| self.router.record(opcode, data))?;
+            if let Some(found) = found {
+                self.last = Some(found.time);
+                self.parts.first.get_or_insert(found.time.nanos());
+                *sample = found;
+                return Ok(true);
+            }
+            let Some(next) = self.parts.next() else { break };
+            self.earlier.extend(self.damage());
+            self.records = Records::open(&next, Chunks::Unpacked)?;
+            self.router.restart();
         }
         if let (None, Some(damage)) = (self.last, self.records.skipped()) {
             let none = format!("it has no intact sample: {damage}");
@@ -103,6 +121,15 @@ impl Source for McapSource {
     }
 
     fn warning(&mut self) -> Option<String> {
+        let mut warnings = std::mem::take(&mut self.earlier);
+        warnings.extend(self.damage());
+        (!warnings.is_empty()).then(|| warnings.join("; "))
+    }
+}
+
+impl McapSource {
+    /// What was wrong with this file.
+    fn damage(&self) -> Option<String> {
         let before = " before the first sample".to_owned();
         let after = self.last.map_or(before, |t| format!(" after t = {t}"));
         let mut warnings = self.records.damage(&after);
@@ -115,6 +142,37 @@ impl Source for McapSource {
         }
         (!warnings.is_empty())
             .then(|| format!("{}: {}", self.records.path().display(), warnings.join("; ")))
+    }
+}
+
+/// The files of a log that follow each other.
+struct Parts {
+    /// The path of the first one.
+    base: PathBuf,
+    /// Number of the file that is read.
+    number: u32,
+    /// Time of the run's first sample, ns.
+    first: Option<i64>,
+}
+
+impl Parts {
+    fn from(path: &Path, info: Option<&LogInfo>) -> Self {
+        let Some((first, number)) = info.and_then(|info| info.part) else {
+            return Self { base: path.to_owned(), number: 1, first: None };
+        };
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let base = path.with_file_name(name.replacen(&format!("-{number:04}"), "", 1));
+        Self { base, number, first: Some(first) }
+    }
+
+    /// The path of the next file of the same run, if it is there.
+    fn next(&mut self) -> Option<PathBuf> {
+        let path = numbered(&self.base, self.number + 1);
+        let path = [part_of(&path), path].into_iter().rev().find(|path| path.is_file())?;
+        let info = read_info(&path, true).ok()??;
+        let follows = info.part == Some((self.first?, self.number + 1));
+        self.number += u32::from(follows);
+        follows.then_some(path)
     }
 }
 
@@ -154,6 +212,13 @@ impl Router {
             others: Vec::new(),
             matched: false,
         }
+    }
+
+    /// Forgets the channels of a file.
+    fn restart(&mut self) {
+        self.schemas.clear();
+        self.routes.clear();
+        self.others.clear();
     }
 
     fn names(&self) -> String {

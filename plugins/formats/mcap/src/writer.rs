@@ -47,6 +47,11 @@ impl LogWriter {
         u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0)
     }
 
+    /// Length of the file so far, without the messages that wait.
+    pub(crate) fn length(&self) -> u64 {
+        self.file.written()
+    }
+
     /// Completes the file, which then takes its name.
     pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
         self.write_chunk()?;
