@@ -138,6 +138,8 @@ enum Commands {
     Calibrate(commands::calibrate::Calibrate),
     /// Find the change of a scenario that explains its samples: run them again with each
     Diagnose(commands::diagnose::Diagnose),
+    /// Print what the verdict makes of each kind of fault, beside what the innovations hold of it
+    Detect(commands::detect::Detect),
     /// Print what each state would move by if each thing that nothing models had its usual size
     Sensitivity(commands::sensitivity::Sensitivity),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
@@ -225,6 +227,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Diagnose(arguments) => commands::diagnose::diagnose(registry, &arguments),
+        Commands::Detect(arguments) => commands::detect::detect(registry, &arguments),
         Commands::Sensitivity(arguments) => {
             commands::sensitivity::sensitivity(registry, &arguments)
         }

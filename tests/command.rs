@@ -355,6 +355,7 @@ fn help_has_examples() {
         "replay",
         "report",
         "diagnose",
+        "detect",
         "sensitivity",
         "figures",
         "observability",

@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod check;
 pub mod compare;
 pub mod completions;
+pub mod detect;
 pub mod diagnose;
 pub mod export;
 pub mod figures;

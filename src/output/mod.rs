@@ -2,6 +2,7 @@
 
 pub mod campaign;
 pub mod compare;
+pub mod detect;
 pub mod diagnose;
 mod files;
 pub mod progress;

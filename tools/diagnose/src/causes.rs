@@ -89,8 +89,33 @@ impl Scene<'_> {
             if key == "misalignment" {
                 all.extend(mounted(self.document, kind, name, &key));
             }
+            all.extend(self.wanders(kind, name, &key, &example));
         }
         all
+    }
+
+    /// A state that is estimated as a constant, and wanders: what steps or drifts does.
+    fn wanders(&self, kind: Kind, name: &str, key: &str, example: &str) -> Option<Patch> {
+        let path = path(kind, name, key);
+        let table = self.document.root().get(kind.table())?.get(name)?.get(key)?;
+        let constant = table.get("sigma").is_some()
+            && !["random_walk", "correlation_time"].iter().any(|key| table.get(key).is_some());
+        let walk = match unit_of(example) {
+            "deg/h" => "1 deg/h/sqrt(s)",
+            "ug" => "50 ug/sqrt(s)",
+            "ppm" => "100 ppm/sqrt(s)",
+            "deg" => "0.02 deg/sqrt(s)",
+            "cm/s" => "0.1 cm/s/sqrt(s)",
+            "m" => "1 cm/sqrt(s)",
+            _ => return None,
+        };
+        constant.then(|| Patch {
+            parameters: 1,
+            ..Patch::new(
+                format!("{name}: {key} wanders by {walk}"),
+                vec![format!("{path}.random_walk=\"{walk}\"")],
+            )
+        })
     }
 
     /// The priors of a process, wide; with an alignment there are none.
@@ -175,10 +200,14 @@ fn noise_of(scene: &Scene<'_>, name: &str, factor: f64, outcome: &Outcome) -> Op
     (rounded != factor).then(|| noise::multiplied(scene, sensor, rounded)).flatten()
 }
 
+/// The unit of a quantity that a key has as an example.
+fn unit_of(example: &str) -> &str {
+    example.trim_end_matches('"').rsplit(' ').next().unwrap_or_default()
+}
+
 /// Wide sigmas of a state, by a value in its unit.
 fn wide(key: &str, example: &str) -> &'static [&'static str] {
-    let unit = example.trim_end_matches('"').rsplit(' ').next().unwrap_or_default();
-    match unit {
+    match unit_of(example) {
         "m" if key.ends_with("lever_arm") => &["2 m"],
         "m" => &["10 m"],
         "deg" => &["10 deg"],

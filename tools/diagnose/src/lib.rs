@@ -6,6 +6,7 @@
 
 mod apply;
 mod causes;
+mod detect;
 mod likelihood;
 mod parallel;
 mod patch;
@@ -16,6 +17,9 @@ mod sensitivity;
 mod trial;
 
 pub use apply::apply;
+pub use detect::{
+    Counts, Detection, Finding, Kind, Kinds, Plainness, Row as KindRow, counts, detect,
+};
 pub use sensitivity::{Row, Sensitivity, sensitivity};
 
 use navfuse_core::document::{Document, DocumentError};

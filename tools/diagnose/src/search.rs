@@ -57,7 +57,8 @@ impl<'a> Search<'a> {
         let count = causes.len();
         let part = self.part(one, count, first, last);
         let mut runs = self.all(causes, part);
-        let unfit = count - runs.len();
+        let (tried, stopped) = (runs.len(), self.stop.load(Ordering::Relaxed));
+        let unfit = if stopped { 0 } else { count - tried };
         if part < last {
             let start = run(self.scene, &unchanged, part, &self.scales, self.stop)?;
             let best = self.ranked(&start, &runs, BEST);
@@ -85,7 +86,7 @@ impl<'a> Search<'a> {
         Ok(Diagnosis {
             unchanged: self.trial(&base, Patch::default(), &base, 0.0, 0.0),
             trials,
-            tried: count - unfit,
+            tried,
             unfit,
             interrupted,
         })

@@ -3,6 +3,7 @@
 use crate::likelihood::{Channels, Densities, Likelihood};
 use crate::patch::Patch;
 use crate::scene::Scene;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::BuildError;
 use navfuse_core::run::runner;
@@ -20,6 +21,10 @@ pub(crate) struct Outcome {
     pub scales: Channels<f64>,
     pub level: VerdictLevel,
     pub verdict: String,
+    /// Level of the verdict without the reference, and the part that it names first.
+    pub blind: (VerdictLevel, Option<String>),
+    /// Largest error of a state at the end in units of its sigma, where a reference gives the truth.
+    pub worst: Option<f64>,
     /// Latitude, longitude (deg) and height (m) at the end.
     pub position: Option<[f64; 3]>,
     /// State that the change makes uncertain.
@@ -48,6 +53,8 @@ pub(crate) fn run(
         scales: likelihood.scales(),
         level: level(&finished),
         verdict: finished.summary.verdict.text.clone(),
+        blind: blind(&finished),
+        worst: finished.summary.rows.iter().filter_map(worst).max_by(f64::total_cmp),
         position: position(&finished.summary),
         estimate: patch
             .state
@@ -63,6 +70,22 @@ fn level(finished: &Finished) -> VerdictLevel {
         Some(_) => VerdictLevel::DoNotUse,
         None => finished.summary.verdict.level,
     }
+}
+
+/// The verdict as a user without a reference has it: its level, and the part that it names first
+/// unless it is consistent.
+fn blind(finished: &Finished) -> (VerdictLevel, Option<String>) {
+    let verdict = finished.summary.verdict.without_reference();
+    let level = if finished.error.is_some() { VerdictLevel::DoNotUse } else { verdict.level };
+    let doubt = verdict.reasons.into_iter().find(|reason| reason.severity > Severity::Note);
+    (level, doubt.map(|reason| reason.about))
+}
+
+/// Largest error of the components of a state, in units of its sigma.
+fn worst(row: &StateRow) -> Option<f64> {
+    let pairs = row.error.as_ref()?.iter().zip(&row.error_sigma);
+    let known = pairs.filter(|(_, sigma)| **sigma > 0.0);
+    known.map(|(error, sigma)| (error / sigma).abs()).max_by(f64::total_cmp)
 }
 
 /// Latitude, longitude and height at the end, of the first state that has them.

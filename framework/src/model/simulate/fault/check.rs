@@ -10,8 +10,9 @@ use crate::units::time::{Span, Time};
 use crate::units::{AnyQuantity, Exponents, Unit, parse_unit};
 use std::f64::consts::TAU;
 
-/// Exponents of a ratio and of a time, in halves.
+/// Exponents of a ratio, an angle and a time, in halves.
 const RATIO: Exponents = [0, 0, 0, 0, 0, 0];
+const ANGLE: Exponents = [0, 0, 0, 2, 0, 0];
 const TIME: Exponents = [0, 0, 2, 0, 0, 0];
 
 /// A fault that is being checked.
@@ -204,7 +205,16 @@ impl Check<'_> {
             FaultType::Dropout => Effect::Lose(self.probability()?.unwrap_or(1.0)),
             FaultType::Unit => Effect::Multiply(1.0 / self.common_unit(channels)?.factor()),
             FaultType::Sign => Effect::Multiply(-1.0),
-            FaultType::Swap => self.swap(channels)?,
+            FaultType::Scale => Effect::Multiply(1.0 + size),
+            FaultType::ScaleDrift => Effect::Stretch(size),
+            FaultType::Turn => {
+                let (a, b) = self.pair(channels, "turned")?;
+                Effect::Turn(a, b, size.sin_cos())
+            }
+            FaultType::Swap => {
+                let (a, b) = self.pair(channels, "exchanged")?;
+                Effect::Exchange(a, b)
+            }
             FaultType::ClockOffset | FaultType::ClockStep => {
                 let beyond = || self.error("size", "beyond 73 years, the longest time");
                 Effect::Shift(Span::from_seconds(size).ok_or_else(beyond)?)
@@ -249,21 +259,28 @@ impl Check<'_> {
         Ok(unit)
     }
 
-    fn swap(&self, channels: &[usize]) -> Result<Effect, ComposeError> {
+    /// The two channels of one unit that are turned or exchanged.
+    fn pair(&self, channels: &[usize], what: &str) -> Result<(usize, usize), ComposeError> {
         let &[a, b] = channels else {
-            return Err(self.error("channels", "two channels are exchanged; name two"));
+            return Err(self.error("channels", format!("two channels are {what}; name two")));
         };
         if self.channels[a].unit != self.channels[b].unit {
             let message = "the two channels have different units; name two of the same unit";
             return Err(self.error("channels", message));
         }
-        Ok(Effect::Exchange(a, b))
+        Ok((a, b))
     }
 }
 
-/// Exponents of the size of a fault of a channel: those of the channel, for a drift per second.
-fn sized(kind: FaultType, mut exponents: Exponents) -> Exponents {
-    if kind == FaultType::Drift {
+/// Exponents of the size of a fault of a channel: those of the channel, a ratio or an angle; for a drift
+/// per second.
+fn sized(kind: FaultType, channel: Exponents) -> Exponents {
+    let mut exponents = match kind {
+        FaultType::Scale | FaultType::ScaleDrift => RATIO,
+        FaultType::Turn => ANGLE,
+        _ => channel,
+    };
+    if matches!(kind, FaultType::Drift | FaultType::ScaleDrift) {
         exponents[2] -= 2;
     }
     exponents

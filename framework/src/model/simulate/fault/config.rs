@@ -21,7 +21,7 @@ pub struct Fault {
     /// Size in a unit of the channels: the error of a bias, step or spike; the error that a drift
     /// gains each second; the value at which a channel is stuck or saturates; a quantisation step;
     /// the amplitude of a vibration. A time for `clock-offset` and `clock-step`, a ratio for
-    /// `clock-drift`.
+    /// `clock-drift` and `scale`, a ratio per time for `scale-drift`, an angle for `turn`.
     pub size: Option<AnyQuantity>,
     /// Unit in which the instrument writes its numbers, for `unit`.
     pub unit: Option<String>,
@@ -56,6 +56,12 @@ pub enum FaultType {
     Unit,
     /// Two channels exchanged.
     Swap,
+    /// Values too large by a ratio.
+    Scale,
+    /// Values too large by a ratio that grows with time from zero.
+    ScaleDrift,
+    /// Two channels turned by an angle, from the first to the second.
+    Turn,
     /// Channels with the wrong sign. One axis of each triad makes the instrument left-handed.
     Sign,
     /// A time stamp with a constant error.
@@ -88,6 +94,9 @@ impl FaultType {
             Self::Dropout => "dropout",
             Self::Unit => "unit",
             Self::Swap => "swap",
+            Self::Scale => "scale",
+            Self::ScaleDrift => "scale-drift",
+            Self::Turn => "turn",
             Self::Sign => "sign",
             Self::ClockOffset => "clock-offset",
             Self::ClockStep => "clock-step",
@@ -106,7 +115,10 @@ impl FaultType {
             | Self::Saturation
             | Self::ClockOffset
             | Self::ClockDrift
+            | Self::Scale
+            | Self::ScaleDrift
             | Self::Quantisation => &["size"],
+            Self::Turn => &["size", "channels"],
             Self::Step | Self::ClockStep => &["from", "size"],
             Self::Vibration => &["size", "frequency"],
             Self::Unit => &["unit"],
@@ -122,12 +134,16 @@ impl FaultType {
             | Self::Drift
             | Self::Saturation
             | Self::Unit
+            | Self::Scale
+            | Self::ScaleDrift
             | Self::Sign
             | Self::Quantisation
             | Self::Vibration => &["from", "to", "channels"],
             Self::Step => &["channels"],
             Self::Stuck => &["from", "to", "channels", "size"],
-            Self::Frozen | Self::Swap | Self::ClockOffset | Self::ClockDrift => &["from", "to"],
+            Self::Frozen | Self::Swap | Self::Turn | Self::ClockOffset | Self::ClockDrift => {
+                &["from", "to"]
+            }
             Self::ClockStep => &[],
             Self::Spike | Self::Dropout => &["from", "to", "channels", "probability"],
         }

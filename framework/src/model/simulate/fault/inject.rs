@@ -99,6 +99,10 @@ pub(super) enum Effect {
     Lose(f64),
     /// Multiplies by a constant.
     Multiply(f64),
+    /// Multiplies by one plus a constant times the time since the begin.
+    Stretch(f64),
+    /// Turns two channels by the angle of that sine and cosine.
+    Turn(usize, usize, (f64, f64)),
     /// Exchanges two channels.
     Exchange(usize, usize),
     /// Adds a constant to the time stamp.
@@ -152,6 +156,13 @@ impl Stage {
                 }
             }
             Effect::Multiply(factor) => self.change(sample, |_, x| x * factor),
+            Effect::Stretch(rate) => self.change(sample, |_, x| x * (1.0 + rate * elapsed)),
+            Effect::Turn(a, b, (sin, cos)) => {
+                if let (Some(x), Some(y)) = (sample.get(a), sample.get(b)) {
+                    sample.set(a, cos * x - sin * y);
+                    sample.set(b, sin * x + cos * y);
+                }
+            }
             Effect::Exchange(a, b) => {
                 let (first, second) = (sample.get(a), sample.get(b));
                 put(sample, a, second);

@@ -67,7 +67,7 @@ fn within(text: &str) -> Vec<(Sample, Option<Sample>)> {
 const SPAN: &str = r#"from = "4 s", to = "6 s""#;
 
 /// A fault of each type, as a scenario has it; the spans are left out.
-const EACH: [(FaultType, &str); 16] = [
+const EACH: [(FaultType, &str); 19] = [
     (FaultType::Bias, r#"size = "3 cm/s""#),
     (FaultType::Step, r#"from = "4 s", size = "3 m""#),
     (FaultType::Drift, r#"size = "2 cm/s^2""#),
@@ -78,6 +78,9 @@ const EACH: [(FaultType, &str); 16] = [
     (FaultType::Dropout, r#"probability = "50 %""#),
     (FaultType::Unit, r#"unit = "kn""#),
     (FaultType::Swap, r#"channels = ["vel_x", "vel_y"]"#),
+    (FaultType::Scale, r#"size = "1 %""#),
+    (FaultType::ScaleDrift, r#"size = "1 %/s""#),
+    (FaultType::Turn, r#"size = "2 deg", channels = ["vel_x", "vel_y"]"#),
     (FaultType::Sign, ""),
     (FaultType::ClockOffset, r#"size = "20 ms""#),
     (FaultType::ClockStep, r#"from = "4 s", size = "-20 ms""#),
@@ -241,6 +244,26 @@ fn numbers_in_another_unit_swapped_channels_and_wrong_signs_are_what_a_driver_wo
 }
 
 #[test]
+fn a_scale_multiplies_a_drifting_one_grows_and_a_turn_keeps_the_length() {
+    for (good, faulty) in within(&of(FaultType::Scale, SPAN)) {
+        assert_eq!(faulty.unwrap().get(2), good.get(2).map(|v| v * 1.01));
+    }
+    for (good, faulty) in within(&of(FaultType::ScaleDrift, SPAN)) {
+        let factor = 1.0 + 0.01 * good.time.since(seconds(4.0));
+        assert_eq!(faulty.unwrap().get(0), good.get(0).map(|v| v * factor));
+    }
+    let length = |s: &Sample| Some(s.get(0)?.hypot(s.get(1)?));
+    for (good, faulty) in within(&of(FaultType::Turn, SPAN)) {
+        let faulty = faulty.unwrap();
+        let both = length(&good).zip(length(&faulty));
+        assert!(both.is_none_or(|(a, b)| (a - b).abs() < 1e-14), "{both:?}");
+        let x = good.get(1).zip(good.get(0)).map(|(y, x)| x - y * 2_f64.to_radians());
+        // the cosine of 2 deg is off one by 6e-4
+        assert!(x.is_none_or(|x| (faulty.get(0).unwrap() - x).abs() < 3e-3), "{x:?}");
+    }
+}
+
+#[test]
 fn a_clock_moves_the_time_stamp_and_no_value() {
     let moved = |text: &str| {
         let pairs = within(text).into_iter().map(|(good, faulty)| {
@@ -320,6 +343,9 @@ fn a_fault_that_does_not_fit_is_rejected_with_key_and_remedy() {
         (r#"type = "sign", channels = []"#, "channels: ", "name a channel"),
         (r#"type = "swap", channels = ["vel_x", "depth"]"#, "channels: ", "same unit"),
         (r#"type = "swap", channels = ["vel_x"]"#, "channels: ", "name two"),
+        (r#"type = "scale", size = "1 m/s""#, "size: ", "ppm"),
+        (r#"type = "turn", size = "1 deg", channels = ["vel_x"]"#, "channels: ", "name two"),
+        (r#"type = "turn", size = 2, channels = ["vel_x", "vel_y"]"#, "size: ", "deg"),
         (r#"type = "stuck", from = "2 s", to = "1 s""#, "to: ", "after it begins, at 2.000 s"),
         (r#"type = "stuck", from = "1e12 s""#, "from: ", "73 years"),
         (r#"type = "dropout", probability = 2"#, "probability: ", "such as \"2 %\""),
@@ -333,7 +359,7 @@ fn a_fault_that_does_not_fit_is_rejected_with_key_and_remedy() {
 }
 
 /// Keys that each type needs, and those that it takes beside: the table of the manual.
-const TAKES: [(FaultType, &[&str], &[&str]); 16] = [
+const TAKES: [(FaultType, &[&str], &[&str]); 19] = [
     (FaultType::Bias, &["size"], &["from", "to", "channels"]),
     (FaultType::Step, &["from", "size"], &["channels"]),
     (FaultType::Drift, &["size"], &["from", "to", "channels"]),
@@ -344,6 +370,9 @@ const TAKES: [(FaultType, &[&str], &[&str]); 16] = [
     (FaultType::Dropout, &[], &["from", "to", "channels", "probability"]),
     (FaultType::Unit, &["unit"], &["from", "to", "channels"]),
     (FaultType::Swap, &["channels"], &["from", "to"]),
+    (FaultType::Scale, &["size"], &["from", "to", "channels"]),
+    (FaultType::ScaleDrift, &["size"], &["from", "to", "channels"]),
+    (FaultType::Turn, &["size", "channels"], &["from", "to"]),
     (FaultType::Sign, &[], &["from", "to", "channels"]),
     (FaultType::ClockOffset, &["size"], &["from", "to"]),
     (FaultType::ClockStep, &["from", "size"], &[]),
