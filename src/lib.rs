@@ -138,7 +138,7 @@ enum Commands {
     Calibrate(commands::calibrate::Calibrate),
     /// Find the change of a scenario that explains its samples: run them again with each
     Diagnose(commands::diagnose::Diagnose),
-    /// Print what the verdict makes of each kind of fault, beside what the innovations hold of it
+    /// Print the verdict on each kind of fault, beside the evidence in the innovations
     Detect(commands::detect::Detect),
     /// Print what each state would move by if each thing that nothing models had its usual size
     Sensitivity(commands::sensitivity::Sensitivity),

@@ -80,8 +80,10 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
 fn a_run_that_must_not_be_used_ends_with_the_exit_code_3_unless_that_is_accepted() {
     let path = scenario("quickstart").display().to_string();
     let run = |more: &[&str]| {
-        let noise = ["--set", "sensor.dvl.simulation.noise=20", "--no-output"];
-        navfuse(&[&["run", &path], &SHORT[..], &noise, more].concat())
+        // a quarter turn about down
+        let turned = "sensor.dvl.samples={ axes = [\"y\", \"-x\", \"z\"] }";
+        let turned = ["--set", turned, "--no-output"];
+        navfuse(&[&["run", &path], &SHORT[..], &turned, more].concat())
     };
     let refused = run(&[]);
     assert_eq!(refused.status.code(), Some(3), "{}", stderr(&refused));

@@ -18,8 +18,8 @@ Examples:
   navfuse detect docs/detection/kinds.toml
   navfuse detect kinds.toml --only gyro --runs 30 --format json
 
-The command puts each kind of fault of the file into its scenario, and prints what
-the verdict makes of it beside what the innovations hold: twice the logarithm of
+The command puts each kind of fault of the file into its scenario. It prints the
+verdict beside the evidence in the innovations, which is twice the logarithm of
 the likelihood ratio of a filter that knows the fault. Below 22.6 no test can find
 a fault. A second table counts false alarms, misses and wrong names.")]
 pub struct Detect {
@@ -39,7 +39,7 @@ pub struct Detect {
     pub format: Format,
 }
 
-/// Prints what the verdict makes of each kind of fault.
+/// Prints the verdict on each kind of fault.
 pub fn detect(registry: &Registry, arguments: &Detect) -> Result<ExitCode> {
     let options = Options { threads: threads(arguments.jobs)?, seconds: f64::INFINITY };
     let file = Document::from_file(&arguments.kinds)?;
