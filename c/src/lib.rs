@@ -147,9 +147,9 @@ pub unsafe extern "C" fn navfuse_push(
 pub unsafe extern "C" fn navfuse_newest(run: *const Run, estimate: *mut Estimate) -> i32 {
     // SAFETY: the caller's run and estimate
     let Some((run, to)) = (unsafe { run.as_ref().zip(estimate.as_mut()) }) else { return 0 };
-    let newest = guarded(None, || run.0.newest());
-    let Some(newest) = newest else { return 0 };
-    *to = Estimate::of(run.0.layout(), &newest);
+    let newest = || run.0.newest().map(|newest| Estimate::of(run.0.layout(), &newest));
+    let Some(newest) = guarded(None, newest) else { return 0 };
+    *to = newest;
     1
 }
 

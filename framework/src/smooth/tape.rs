@@ -2,7 +2,7 @@
 //! smoothed estimates. They are on disk since a long run exceeds the memory, and removed with the
 //! program.
 
-use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::units::sample::{MAX_CHANNELS, Sample, SensorId, channels};
 use crate::units::time::Time;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -110,7 +110,7 @@ fn read_sample(bytes: &mut impl Read) -> io::Result<Sample> {
     bytes.read_exact(&mut two)?;
     let present = u16::from_le_bytes(two);
     let mut sample = Sample::empty(Time::from_nanos(i64::from_le_bytes(time)), sensor);
-    for channel in (0..MAX_CHANNELS).filter(|c| present >> c & 1 == 1) {
+    for channel in channels(present) {
         let mut value = [0; 8];
         bytes.read_exact(&mut value)?;
         sample.set(channel, f64::from_le_bytes(value));

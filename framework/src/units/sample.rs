@@ -8,6 +8,11 @@ use std::sync::Arc;
 /// The largest number of channels of one sensor.
 pub const MAX_CHANNELS: usize = 16;
 
+/// Channels of a mask with one bit each, ascending.
+pub(crate) fn channels(mask: u16) -> impl Iterator<Item = usize> + Clone + use<> {
+    (0..MAX_CHANNELS).filter(move |channel| mask >> channel & 1 == 1)
+}
+
 /// One channel of a sensor: a named number in an SI unit.
 ///
 /// ```

@@ -19,6 +19,7 @@ use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -199,63 +200,74 @@ pub fn detect(
 ) -> Result<Vec<Row>, DiagnoseError> {
     let documents: Result<Vec<_>, _> = kinds.kind.iter().map(|kind| kinds.document(kind)).collect();
     let (documents, kinds) = (documents?, &kinds.kind);
-    let jobs: Vec<(usize, u64)> =
-        (0..kinds.len()).flat_map(|k| (1..=runs).map(move |seed| (k, seed))).collect();
-    let done = AtomicUsize::new(0);
-    let found = parallel::each(jobs.len(), options.threads, stop, |at| {
-        let (kind, seed) = jobs[at];
-        let found = one(registry, &documents[kind], &kinds[kind], seed, stop);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
-        Some((kind, found))
-    });
-    let mut rows: Vec<Row> =
-        kinds.iter().map(|kind| Row { name: kind.name.clone(), runs: Vec::new() }).collect();
-    for (kind, found) in found {
-        rows[kind].runs.extend(found?);
-    }
-    Ok(rows)
+    // kinds of one scenario share their runs without a fault
+    let base = |kind: &Kind| {
+        let same = |k: &Kind| (&k.scenario, &k.settings) == (&kind.scenario, &kind.settings);
+        kinds.iter().position(same).unwrap_or_default()
+    };
+    let jobs = |of: &dyn Fn(usize) -> bool| -> Vec<(usize, u64)> {
+        let numbers = (0..kinds.len()).filter(|k| of(*k));
+        numbers.flat_map(|k| (1..=runs).map(move |seed| (k, seed))).collect()
+    };
+    let healthy = jobs(&|k| base(&kinds[k]) == k);
+    let faulty = jobs(&|k| !kinds[k].fault.is_empty());
+    let (done, all) = (AtomicUsize::new(0), healthy.len() + faulty.len());
+    let each = |jobs: &[(usize, u64)], faults: bool| {
+        parallel::each(jobs.len(), options.threads, stop, |at| {
+            let (k, seed) = jobs[at];
+            let fault = if faults { &kinds[k].fault[..] } else { &[] };
+            let outcome = outcome(registry, &documents[k], seed, fault, stop);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, all);
+            let whole = |outcome: &Outcome| !outcome.interrupted;
+            Some(outcome.map(|outcome| Some(outcome).filter(whole).map(|o| ((k, seed), o))))
+        })
+        .into_iter()
+        .filter_map(Result::transpose)
+        .collect::<Result<BTreeMap<(usize, u64), Outcome>, DiagnoseError>>()
+    };
+    let (without, with) = (each(&healthy, false)?, each(&faulty, true)?);
+    let row = |(k, kind): (usize, &Kind)| {
+        let found = (1..=runs).filter_map(|seed| {
+            let healthy = without.get(&(base(kind), seed))?;
+            match kind.fault.is_empty() {
+                true => Some(detection(kind, seed, healthy, None)),
+                false => Some(detection(kind, seed, with.get(&(k, seed))?, Some(healthy))),
+            }
+        });
+        Row { name: kind.name.clone(), runs: found.collect() }
+    };
+    Ok(kinds.iter().enumerate().map(row).collect())
 }
 
-/// The run of a kind with a seed; `None` if it was interrupted.
-fn one(
-    registry: &Registry,
-    document: &Document,
-    kind: &Kind,
-    seed: u64,
-    stop: &AtomicBool,
-) -> Result<Option<Detection>, DiagnoseError> {
-    let mut healthy = document.clone();
-    healthy.set(&format!("seed={seed}"))?;
-    let mut faulty = healthy.clone();
-    kind.fault.iter().try_for_each(|setting| faulty.set(setting))?;
-    let with = outcome(registry, &faulty, stop)?;
-    let without = match kind.fault.is_empty() {
-        true => None,
-        false => Some(outcome(registry, &healthy, stop)?),
-    };
-    if with.interrupted || without.as_ref().is_some_and(|run| run.interrupted) {
-        return Ok(None);
-    }
+/// What a run shows of its fault; `without` is the run without it, none for a healthy kind.
+fn detection(kind: &Kind, seed: u64, with: &Outcome, without: Option<&Outcome>) -> Detection {
     let ratio = without.map(|without| {
         let wanted = &without.densities.count;
         let total = |run: &Outcome| run.densities.total(wanted, &Channels::new());
-        2.0 * (total(&without) - total(&with))
+        2.0 * (total(without) - total(with))
     });
     let right = |name: &String| kind.culprit.iter().any(|part| name.starts_with(part.as_str()));
-    let ((level, named), error) = (with.blind, with.worst);
+    let ((level, named), error) = (with.blind.clone(), with.worst);
     let finding = match &named {
         None => Finding::Silent,
         Some(name) if right(name) => Finding::Named,
         Some(_) => Finding::WrongName,
     };
-    Ok(Some(Detection { seed, ratio, finding, level, named, error }))
+    Detection { seed, ratio, finding, level, named, error }
 }
 
+/// The run of a scenario with a seed and the settings of a fault.
 fn outcome(
     registry: &Registry,
     document: &Document,
+    seed: u64,
+    fault: &[String],
     stop: &AtomicBool,
 ) -> Result<Outcome, DiagnoseError> {
+    let mut document = document.clone();
+    document.set(&format!("seed={seed}"))?;
+    fault.iter().try_for_each(|setting| document.set(setting))?;
+    let document = &document;
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording = Recording::read(scenario.assemble(None)?)?;
     let composition = scenario.compose()?;

@@ -24,7 +24,7 @@ use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::channels;
 use crate::units::time::Time;
 
 /// Mean number of samples to a false alarm of a chart.
@@ -146,8 +146,7 @@ impl BiasTest {
         present: u16,
     ) -> Option<Shift> {
         let mut found = None;
-        let channels = (0..MAX_CHANNELS).filter(|channel| present >> channel & 1 == 1);
-        for (a, channel) in channels.enumerate().take(update.m) {
+        for (a, channel) in channels(present).enumerate().take(update.m) {
             let e = update.innovation[a] / update.s[a * update.m + a].sqrt();
             let charts = self.channels.get_mut(channel);
             let shift = charts.and_then(|charts| charts.take(time, e, &self.bounds));

@@ -18,7 +18,7 @@ use crate::model::record::Observer;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
-use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::sample::{Sample, channels};
 use crate::units::time::Time;
 use std::f64::consts::TAU;
 
@@ -88,8 +88,7 @@ impl Factor {
     ) {
         let mut found = None;
         let w = update.columns.len();
-        let channels = (0..MAX_CHANNELS).filter(|channel| present >> channel & 1 == 1);
-        for (a, channel) in channels.enumerate().take(update.m) {
+        for (a, channel) in channels(present).enumerate().take(update.m) {
             let (Some(change), Some(value)) = (self.changes.get_mut(channel), sample.get(channel))
             else {
                 continue;

@@ -4,7 +4,7 @@ use crate::compose::Composition;
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::branch::Branch;
-use crate::filter::judge::groups::fails;
+use crate::filter::judge::groups::failing;
 use crate::filter::judge::lockout::{Evidence, GONE, Judged, Verdict};
 use crate::filter::judge::signature::Signatures;
 use crate::filter::judge::slot::SensorSlot;
@@ -13,7 +13,7 @@ use crate::filter::update::correct::Attempt;
 use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Action;
 use crate::state::covariance::{Covariance, Update};
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::channels;
 use crate::units::time::Time;
 
 /// Share of an innovation's square within which another one repeats it: a tenth of its size.
@@ -22,8 +22,7 @@ const SAME: f64 = 0.01;
 /// Index of the channel with the largest innovation of a sample, and its size in sigma.
 fn worst(update: &Update, present: u16) -> (usize, f64) {
     let m = update.m;
-    let channels = (0..MAX_CHANNELS).filter(|k| present >> k & 1 == 1);
-    (channels.zip(0..m))
+    (channels(present).zip(0..m))
         .map(|(channel, i)| (channel, (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt()))
         .filter(|(_, size)| size.is_finite())
         .fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
@@ -73,9 +72,7 @@ fn shared(composition: &Composition, slots: &[SensorSlot], index: usize) -> bool
 /// contradict the group, and with it the sample. `None` where the first gated sample lacks the channels.
 fn contradicted(update: &Update, slot: &SensorSlot, present: u16) -> Option<bool> {
     let gone = |left: Option<f64>| left.map(|left| left <= GONE);
-    let groups = slot.groups.iter().map(|group| group & present).filter(|group| *group != 0);
-    let failing = groups.filter(|group| fails(update, present, *group, &slot.thresholds));
-    failing
+    failing(&slot.groups, &slot.thresholds, update, present)
         .filter_map(|group| gone(update.remaining_of(present, &slot.reach, group)))
         .chain(gone(update.remaining(present, &slot.reach)))
         .reduce(|any, gone| any || gone)

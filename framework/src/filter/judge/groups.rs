@@ -5,23 +5,23 @@
 //! a gate of its own is used, so that a bad channel costs its group.
 
 use crate::state::covariance::Update;
-use crate::units::sample::{Channel, MAX_CHANNELS};
+use crate::units::sample::{Channel, MAX_CHANNELS, channels};
 
 /// The groups of the first channels of a sensor, one bit a channel.
-pub(in crate::filter) fn groups(channels: &[Channel], used: usize) -> Vec<u16> {
-    let channels = &channels[..used.min(channels.len())];
-    let first = |k: &usize| !channels[..*k].iter().any(|c| c.unit == channels[*k].unit);
+pub(in crate::filter) fn groups(all: &[Channel], used: usize) -> Vec<u16> {
+    let all = &all[..used.min(all.len())];
+    let first = |k: &usize| !all[..*k].iter().any(|c| c.unit == all[*k].unit);
     let of = |k: usize| {
-        let same = (0..channels.len()).filter(|j| channels[*j].unit == channels[k].unit);
+        let same = (0..all.len()).filter(|j| all[*j].unit == all[k].unit);
         same.fold(0, |mask, j| mask | 1 << j)
     };
-    (0..channels.len()).filter(first).map(of).collect()
+    (0..all.len()).filter(first).map(of).collect()
 }
 
 /// NIS of some of the channels that are present; `None` where their covariance is singular.
 fn nis(update: &Update, present: u16, of: u16) -> Option<f64> {
-    let all = (0..MAX_CHANNELS).filter(|channel| present >> channel & 1 == 1);
-    let own = all.enumerate().take(update.m).filter(|(_, channel)| of >> channel & 1 == 1);
+    let own =
+        channels(present).enumerate().take(update.m).filter(|(_, channel)| of >> channel & 1 == 1);
     let (mut rows, mut k) = ([0; MAX_CHANNELS], 0);
     for (row, _) in own {
         rows[k] = row;
@@ -42,26 +42,30 @@ fn nis(update: &Update, present: u16, of: u16) -> Option<f64> {
     nis.is_finite().then_some(nis)
 }
 
-/// Returns `true` if a gate of its own refuses a group. Call after [`Update::innovate`].
-pub(in crate::filter) fn fails(
+/// The groups of a sample that a gate of their own refuses, one bit a channel. Call after
+/// [`Update::innovate`].
+pub(in crate::filter) fn failing(
+    groups: &[u16],
+    thresholds: &[f64; MAX_CHANNELS + 1],
     update: &Update,
     present: u16,
-    group: u16,
-    thresholds: &[f64; MAX_CHANNELS + 1],
-) -> bool {
-    nis(update, present, group).unwrap_or(f64::INFINITY) > thresholds[group.count_ones() as usize]
+) -> impl Iterator<Item = u16> {
+    let fails = move |group: &u16| {
+        let nis = nis(update, present, *group).unwrap_or(f64::INFINITY);
+        nis > thresholds[group.count_ones() as usize]
+    };
+    groups.iter().map(move |group| group & present).filter(|group| *group != 0).filter(fails)
 }
 
 /// The groups that fail while others pass, beside those that are isolated, one bit a channel; `None` where
 /// all fail, or none does alone. Call after [`Update::innovate`].
-pub(in crate::filter) fn failing(
+pub(in crate::filter) fn failing_alone(
     (groups, isolated): (&[u16], u16),
     thresholds: &[f64; MAX_CHANNELS + 1],
     update: &Update,
     present: u16,
 ) -> Option<u16> {
-    let groups = groups.iter().map(|group| group & present).filter(|group| *group != 0);
-    let failing = groups.filter(|group| fails(update, present, *group, thresholds));
+    let failing = failing(groups, thresholds, update, present);
     let bad = failing.fold(isolated & present, |bad, group| bad | group);
     (bad != 0 && bad != present).then_some(bad)
 }
@@ -76,7 +80,7 @@ mod tests {
         update.m = 2;
         update.s.extend([1.0, 0.0, 0.0, 1.0]);
         update.innovation.extend(y);
-        failing((&[0b01, 0b10], 0), &[15.1; MAX_CHANNELS + 1], &update, 0b11)
+        failing_alone((&[0b01, 0b10], 0), &[15.1; MAX_CHANNELS + 1], &update, 0b11)
     }
 
     #[test]

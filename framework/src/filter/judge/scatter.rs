@@ -17,7 +17,7 @@ use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, channels};
 use crate::units::time::Time;
 
 /// Median of chi-square with one degree of freedom.
@@ -116,8 +116,7 @@ impl Excess {
 
     /// Finding about the sensor whose noise is stated too small.
     pub(in crate::filter) fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
-        let own = (0..MAX_CHANNELS).filter(|channel| self.channels >> channel & 1 == 1);
-        let names: Vec<&str> = own.map(|channel| sensor.channel(channel)).collect();
+        let names: Vec<&str> = channels(self.channels).map(|c| sensor.channel(c)).collect();
         let (names, factor) = (names.join(", "), self.factor);
         Finding {
             time,
@@ -139,8 +138,7 @@ impl Excess {
 
 /// Rows of an update, each with its channel.
 fn rows(update: &Update, present: u16) -> impl Iterator<Item = (usize, usize)> + Clone + use<> {
-    let channels = (0..MAX_CHANNELS).filter(move |channel| present >> channel & 1 == 1);
-    channels.enumerate().take(update.m)
+    channels(present).enumerate().take(update.m)
 }
 
 impl Scatter {
@@ -201,21 +199,20 @@ impl Scatter {
         let factors = |least: usize| {
             groups.clone().filter_map(move |(group, seen)| Some((*group, seen.factor(least)?)))
         };
-        let (channels, most) = factors(KEPT).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (worst, most) = factors(KEPT).max_by(|a, b| a.1.total_cmp(&b.1))?;
         if most < LEAST {
             return None;
         }
         let mut grown = [1.0; MAX_CHANNELS];
         for (group, factor) in factors(BESIDE) {
-            let own = (0..MAX_CHANNELS).filter(|channel| group >> channel & 1 == 1);
-            own.for_each(|channel| grown[channel] = factor.max(1.0));
+            channels(group).for_each(|channel| grown[channel] = factor.max(1.0));
         }
         scale(update, present, &grown);
         self.variance.iter_mut().zip(grown).for_each(|(variance, grown)| *variance *= grown);
         self.widened = true;
         self.differences.iter_mut().for_each(|seen| *seen = Differences::new());
         self.refused = 0.0;
-        Some(Excess { channels, factor: most.sqrt() })
+        Some(Excess { channels: worst, factor: most.sqrt() })
     }
 }
 

@@ -16,7 +16,7 @@
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::covariance::Update;
-use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::sample::{MAX_CHANNELS, Sample, channels};
 use crate::units::time::Time;
 
 /// Number of equal samples in a row that may be chance.
@@ -72,11 +72,6 @@ impl Stuck {
                 .to_owned(),
         }
     }
-}
-
-/// Channels of a mask, ascending.
-fn channels(mask: u16) -> impl Iterator<Item = usize> {
-    (0..MAX_CHANNELS).filter(move |channel| mask >> channel & 1 == 1)
 }
 
 impl Repeats {

@@ -4,7 +4,7 @@ use super::work::Work;
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
 use crate::filter::judge::gate::Judgement;
-use crate::filter::judge::groups::failing;
+use crate::filter::judge::groups::failing_alone;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::parts::Parts;
 use crate::filter::transients::seen::Transients;
@@ -80,7 +80,7 @@ impl Ekf {
             return None;
         }
         let groups = (&slot.groups[..], isolated);
-        failing(groups, &slot.thresholds, &self.work.update, attempt.present)
+        failing_alone(groups, &slot.thresholds, &self.work.update, attempt.present)
     }
 
     /// Judges the channels that fail alone, and uses the others, or all of them if those are accepted.

@@ -4,7 +4,7 @@ use crate::model::record::finding::Finding;
 use crate::model::record::{Event, Outcome, Rejection};
 use crate::state::covariance::{Covariance, Transition, Update, standard_deviation};
 use crate::state::{Layout, State};
-use crate::units::sample::{Sample, SensorId};
+use crate::units::sample::{Sample, SensorId, channels};
 use crate::units::time::Time;
 
 /// Record of a measuring sensor's sample.
@@ -33,12 +33,9 @@ impl UpdateRecord<'_> {
     /// Present channels among the first `N`, each with its innovation and 1-sigma.
     pub fn channels(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         let m = self.innovation.len();
-        let present = self.present;
-        (0..u16::BITS as usize).filter(move |i| present >> i & 1 == 1).zip(0..m).map(
-            move |(channel, k)| {
-                (channel, self.innovation[k], standard_deviation(self.covariance[k * m + k]))
-            },
-        )
+        channels(self.present).zip(0..m).map(move |(channel, k)| {
+            (channel, self.innovation[k], standard_deviation(self.covariance[k * m + k]))
+        })
     }
 }
 

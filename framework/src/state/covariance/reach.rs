@@ -2,9 +2,9 @@
 //! is wrong.
 
 use super::Covariance;
-use super::update::{Update, channels, forward};
+use super::update::{Update, forward};
 use crate::checkpoint::saved;
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, channels};
 use nalgebra::DMatrix;
 
 /// Propagation of an error that a sensor measured at one time: `G`, one row per state; empty when
@@ -197,15 +197,8 @@ impl Update {
     /// `G = (I - K H) G`: an update by another sensor changes that error too. Call after
     /// [`Self::apply`].
     pub(crate) fn correct(&self, reach: &mut Reach) {
-        for b in 0..reach.stride.min(reach.g.len()) {
-            let mut seen = [0.0; MAX_CHANNELS];
-            (0..self.m).for_each(|a| seen[a] = self.seen(reach, a, b));
-            for (g, gain) in
-                reach.g[b..].iter_mut().step_by(reach.stride).zip(self.gain.chunks_exact(self.m))
-            {
-                *g -= gain.iter().zip(&seen).map(|(k, s)| k * s).sum::<f64>();
-            }
-        }
+        let seen = self.seen_of_offset(reach, 0, 0);
+        self.correct_for(reach, &seen);
     }
 
     /// `H G + D` for an offset: `D` is one where a channel of the sample is offset itself.

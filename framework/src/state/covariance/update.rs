@@ -3,7 +3,7 @@
 use super::Covariance;
 use super::rank::{Joseph, Projection};
 use crate::state::block_set::BlockSet;
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, channels};
 use pulp::Arch;
 
 /// Work space of an update: innovation, Jacobian and gain, allocated once.
@@ -67,11 +67,6 @@ impl Clone for Update {
         self.work.clone_from(&from.work);
         self.processor = from.processor;
     }
-}
-
-/// Channels of a mask, ascending.
-pub(super) fn channels(mask: u16) -> impl Iterator<Item = usize> {
-    (0..MAX_CHANNELS).filter(move |channel| mask >> channel & 1 == 1)
 }
 
 impl Update {
