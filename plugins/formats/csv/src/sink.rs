@@ -22,6 +22,7 @@ use navfuse_core::model::record::{Epoch, Outcome, Record, Rejection, UpdateRecor
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::run::background::Background;
 use navfuse_core::units::sample::MAX_CHANNELS;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -56,7 +57,7 @@ impl SinkType for CsvSink {
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         let estimate = Table::create(context.output.join(ESTIMATE))?;
         let innovations = Table::create(context.output.join(INNOVATIONS))?;
-        Ok(Box::new(Tables {
+        Ok(Box::new(Background::new(Tables {
             estimate,
             innovations,
             columns: EstimateColumns::default(),
@@ -64,7 +65,7 @@ impl SinkType for CsvSink {
             axes: self.axes,
             sensors: Vec::new(),
             width: 0,
-        }))
+        })))
     }
 }
 
