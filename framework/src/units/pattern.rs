@@ -33,8 +33,14 @@ enum Form {
 pub fn pattern(exponents: Exponents) -> String {
     let ratio = exponents == [0; 6];
     let factors = factors();
+    let below: Vec<_> = factors.iter().filter(|f| f.divides()).collect();
+    // what divides has a length and a time alone
+    let others =
+        |[_, mass, _, angle, temperature, current]: Exponents| [mass, angle, temperature, current];
+    let above =
+        |f: &&Factor| matches!(f.form, Form::Plain) && others(f.exponents) == others(exponents);
     let mut forms = Vec::new();
-    for a in factors.iter().filter(|f| matches!(f.form, Form::Plain)) {
+    for a in factors.iter().filter(above) {
         let mut add = |rest: &[Factor]| {
             let total = rest.iter().fold(a.exponents, |sum, f| difference(sum, f.exponents));
             if total == exponents {
@@ -45,9 +51,9 @@ pub fn pattern(exponents: Exponents) -> String {
         add(&[]);
         // a ratio is written as a number or in per cent
         if !ratio {
-            for b in factors.iter().filter(|f| f.divides()) {
-                add(&[*b]);
-                factors.iter().filter(|f| f.divides()).for_each(|c| add(&[*b, *c]));
+            for b in &below {
+                add(&[**b]);
+                below.iter().for_each(|c| add(&[**b, **c]));
             }
         }
     }
