@@ -207,9 +207,10 @@ class Run(_States):
         summary: the result as ``navfuse run --format json`` prints it; a part of it for a log.
     """
 
-    def __init__(self, result: Mapping[str, Any]) -> None:
+    def __init__(self, result: Mapping[str, Any], log: str | None = None) -> None:
         text = json.loads(result["text"])
         self.summary: dict[str, Any] = text["summary"]
+        self._log = log or self.paths.get("mcap")
         estimate = text["estimate"]
         table = _table(result["columns"], len(estimate["headings"]))
         super().__init__(estimate, table)
@@ -277,6 +278,17 @@ class Run(_States):
         from navfuse._plot import figure
 
         return figure(self, names)
+
+    def show(self) -> None:
+        """Shows the page of ``navfuse report`` in the cell of a notebook, or in the browser.
+
+        The run needs a log: ``run(out=FOLDER)``, or :func:`read_log`.
+        """
+        from navfuse._show import show
+
+        if self._log is None:
+            raise ValueError("the run has no log; run it with out=FOLDER")
+        show(self._log)
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         """The columns as a table of Arrow without a copy, for polars, pandas and others.

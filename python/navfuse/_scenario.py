@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import os
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from navfuse import _navfuse, _samples
 from navfuse._errors import NavfuseError, RunError, ScenarioError
 from navfuse._run import Epoch, Run
 from navfuse._sensor import Class, Sensor
+from navfuse._show import bar
 
 #: The smallest useful scenario, in TOML: an underwater vehicle with simulated IMU, DVL and depth sensor.
 QUICKSTART = _navfuse.QUICKSTART
@@ -128,7 +128,7 @@ class Scenario:
         Args:
             out: folder for the log and the recording; without it nothing is written.
             covariance: keep the covariance between all states: :meth:`Run.covariance`.
-            progress: True shows a bar on standard error; a function receives the time that the run
+            progress: True shows a bar in a notebook, or on standard error; a function receives the time that the run
                 has reached and its end, s, about 20 times a second.
             on_epoch: a sink: receives each estimate while the run goes on.
 
@@ -332,19 +332,13 @@ def _shown(progress: bool | Progress) -> Iterator[Progress | None]:
     if not isinstance(progress, bool):
         yield progress
     elif progress:
-        yield _bar
-        print(file=sys.stderr)
+        with bar() as show:
+            yield show
     else:
         yield None
 
 
-def _bar(done: float, end: float | None) -> None:
-    """A bar on standard error, which works in a terminal and in a notebook."""
-    part = min(max(done / end, 0.0), 1.0) if end else 0.0
-    text = f"{done:.0f} of {end:.0f}" if end else f"{done:.0f}"
-    print(f"\r[{'#' * round(32 * part):32}] {text}", end="", file=sys.stderr, flush=True)
-
-
 def read_log(path: str | os.PathLike[str]) -> Run:
     """The log of a run, ``run.mcap``, as it was recorded: no filter runs again."""
-    return Run(_navfuse.read_log(os.fspath(path)))
+    name = os.fspath(path)
+    return Run(_navfuse.read_log(name), log=name)

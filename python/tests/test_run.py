@@ -2,6 +2,10 @@
 
 import csv
 import json
+import sys
+import webbrowser
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,6 +95,48 @@ def test_a_run_is_shown_with_its_verdict(run):
     text, page = repr(run), run._repr_html_()
     assert text.splitlines()[-1] == f"verdict: {run.verdict}"
     assert "dvl.scale" in text and "dvl.scale" in page and "<table>" in page
+
+
+def test_show_opens_the_page_of_a_report(short, run, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    written = short.set("sink.rerun.enabled", False).run(out=tmp_path)
+    written.show()
+    navfuse.read_log(written.paths["mcap"]).show()
+    for url in opened:
+        page = Path(url.removeprefix("file://")).read_text()
+        assert "dvl.scale" in page and "consistent" in page
+    assert len(opened) == 2
+    with pytest.raises(ValueError, match="out=FOLDER"):
+        run.show()
+    (tmp_path / "run.mcap").write_bytes(b"no log")
+    with pytest.raises(navfuse.NavfuseError, match="run.mcap"):
+        written.show()
+
+
+class Notebook:
+    """The part of IPython that shows things in a notebook."""
+
+    def __init__(self, monkeypatch):
+        self.shown = []
+        display = SimpleNamespace(HTML=str, display=self.display)
+        module = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1), display=display)
+        monkeypatch.setitem(sys.modules, "IPython", module)
+        monkeypatch.setitem(sys.modules, "IPython.display", display)
+
+    def display(self, text, display_id=False):
+        self.shown.append(text)
+        return SimpleNamespace(update=self.shown.append)
+
+
+def test_a_notebook_shows_the_page_in_its_cell_and_progress_as_a_bar(short, tmp_path, monkeypatch, capfd):
+    notebook = Notebook(monkeypatch)
+    run = short.set({"estimator.stop": "400 s", "sink.rerun.enabled": False}).run(out=tmp_path, progress=True)
+    assert notebook.shown[0] == ""
+    assert notebook.shown[-1].startswith('<progress value="') and "of 400" in notebook.shown[-1]
+    run.show()
+    assert notebook.shown[-1].startswith('<iframe srcdoc="') and "dvl.scale" in notebook.shown[-1]
+    assert capfd.readouterr().err == ""
 
 
 def test_a_run_writes_only_into_the_folder_that_is_named(short, tmp_path, monkeypatch):
