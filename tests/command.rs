@@ -349,28 +349,6 @@ fn the_schema_and_the_program_accept_the_same_units() {
     }
 }
 
-#[test]
-fn help_has_examples() {
-    assert!(stdout(&navfuse(&["--help"])).contains("Start here"));
-    let commands = [
-        "run",
-        "replay",
-        "report",
-        "diagnose",
-        "detect",
-        "sensitivity",
-        "figures",
-        "observability",
-        "calibrate",
-        "monte-carlo",
-        "bound",
-        "sweep",
-    ];
-    for command in commands {
-        assert!(stdout(&navfuse(&[command, "--help"])).contains("Examples"), "{command}");
-    }
-}
-
 /// A sensor of increments and one of mean rates hold the same information: the estimates agree to
 /// rounding, which after 20,000 steps and the filter's gains is below a thousandth of a sigma.
 #[test]
