@@ -24,6 +24,17 @@ pub(crate) struct Departure {
     pub(crate) remedy: &'static str,
 }
 
+/// The sensor of a channel as a whole.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whole {
+    /// Set if a consistent filter gives white innovations.
+    pub(crate) white: bool,
+    /// Number of channels.
+    pub(crate) channels: usize,
+    /// Set if the mean NIS is in its band.
+    pub(crate) inside: bool,
+}
+
 /// Sums over the normalised innovations `u` of one channel; they have mean 0 and variance 1.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChannelStatistics {
@@ -78,15 +89,9 @@ impl ChannelStatistics {
         self.count >= 3.0
     }
 
-    /// Finds the departures of the channel, of a sensor of `channels` channels. `white` is set
-    /// if a consistent filter gives white innovations, `inside` if the sensor's mean NIS is in its
-    /// band.
-    pub(crate) fn judge(
-        &self,
-        alpha: f64,
-        (white, channels, inside): (bool, usize, bool),
-        found: &mut Vec<Departure>,
-    ) {
+    /// Finds the departures of the channel.
+    pub(crate) fn judge(&self, alpha: f64, sensor: &Whole, found: &mut Vec<Departure>) {
+        let Whole { white, channels, inside } = *sensor;
         let (n, name) = (self.count, &self.name);
         let mut push = |criterion, severity, size, text, remedy| {
             let channel = name.clone();
@@ -166,7 +171,7 @@ mod tests {
 
     fn found(channel: &ChannelStatistics, white: bool) -> Vec<(Criterion, Severity)> {
         let mut found = Vec::new();
-        channel.judge(ALPHA, (white, 3, true), &mut found);
+        channel.judge(ALPHA, &Whole { white, channels: 3, inside: true }, &mut found);
         found.iter().map(|d| (d.criterion, d.severity)).collect()
     }
 
@@ -189,8 +194,8 @@ mod tests {
         // the mean NIS of the sensor speaks of these
         let mut found = Vec::new();
         let large = statistics(1e6, 1.5);
-        large.judge(ALPHA, (false, 1, true), &mut found);
-        large.judge(ALPHA, (false, 3, false), &mut found);
+        large.judge(ALPHA, &Whole { white: false, channels: 1, inside: true }, &mut found);
+        large.judge(ALPHA, &Whole { white: false, channels: 3, inside: false }, &mut found);
         assert_eq!(found.len(), 0);
     }
 

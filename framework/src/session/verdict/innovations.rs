@@ -5,10 +5,10 @@
 //! divided by its sigma and by the root of `E / m`, the share of the gated NIS, so that a consistent
 //! filter gives a white sequence `u` of variance 1.
 
-use super::channel::{ChannelStatistics, Departure};
+use super::channel::{ChannelStatistics, Departure, Whole};
 use super::report::{Report, SLIGHT, reason, size};
 use crate::checkpoint::saved;
-use crate::model::chi_square::{Band, band, gated_moments, probability};
+use crate::model::chi_square::{Band, above, band, gated_moments, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
@@ -41,12 +41,28 @@ struct NisSums {
 
 saved!(NisSums { count, nis, expected, variance });
 
+/// What chance makes of the NIS of a sample: the moments of one that passes the gate, and the
+/// probability of being gated.
+#[derive(Clone, Copy, Debug)]
+struct Chance {
+    mean: f64,
+    variance: f64,
+    gated: f64,
+}
+
+impl Chance {
+    fn of(channels: usize, threshold: f64) -> Self {
+        let (mean, variance) = gated_moments(channels, threshold);
+        Self { mean, variance, gated: above(channels, threshold) }
+    }
+}
+
 impl NisSums {
-    fn add(&mut self, nis: f64, (mean, variance): (f64, f64)) {
+    fn add(&mut self, nis: f64, chance: &Chance) {
         self.count += 1;
         self.nis += nis;
-        self.expected += mean;
-        self.variance += variance;
+        self.expected += chance.mean;
+        self.variance += chance.variance;
     }
 
     /// Ratio of the innovations to their reported sigma.
@@ -134,7 +150,9 @@ pub(crate) struct SensorStatistics {
     constraint: bool,
     whole: NisSums,
     memory: Memory,
-    minute: (Option<Time>, NisSums),
+    /// Begin of the minute that goes on, and its sums.
+    begin: Option<Time>,
+    minute: NisSums,
     minutes: u64,
     worst: Option<Minute>,
     gated: u64,
@@ -143,17 +161,16 @@ pub(crate) struct SensorStatistics {
     longest: Streak,
     expected_gated: f64,
     faulty: u64,
-    /// Mean and variance of the NIS that passes the gate, and the probability of being gated, for
-    /// each number of channels.
-    moments: [Option<(f64, f64, f64)>; MAX_CHANNELS + 1],
+    /// For each number of channels.
+    chances: [Option<Chance>; MAX_CHANNELS + 1],
 }
 
 saved!(SensorStatistics {
-    whole, memory, minute, minutes, worst, gated, streak, longest, expected_gated, faulty,
+    whole, memory, begin, minute, minutes, worst, gated, streak, longest, expected_gated, faulty,
 } each {
     channels,
 } except {
-    name, constraint, moments,
+    name, constraint, chances,
 });
 
 impl SensorStatistics {
@@ -164,7 +181,8 @@ impl SensorStatistics {
             constraint,
             whole: NisSums::default(),
             memory: Memory::default(),
-            minute: (None, NisSums::default()),
+            begin: None,
+            minute: NisSums::default(),
             minutes: 0,
             worst: None,
             gated: 0,
@@ -172,18 +190,15 @@ impl SensorStatistics {
             longest: Streak::default(),
             expected_gated: 0.0,
             faulty: 0,
-            moments: [None; MAX_CHANNELS + 1],
+            chances: [None; MAX_CHANNELS + 1],
         }
     }
 
     /// Adds the outcome of a sample.
     pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
         let m = update.innovation.len();
-        let moments = |place: &mut Option<(f64, f64, f64)>| {
-            *place.get_or_insert_with(|| {
-                let (mean, variance) = gated_moments(m, update.threshold);
-                (mean, variance, crate::model::chi_square::above(m, update.threshold))
-            })
+        let chance = |place: &mut Option<Chance>| {
+            *place.get_or_insert_with(|| Chance::of(m, update.threshold))
         };
         match update.outcome {
             Outcome::Rejected(
@@ -209,27 +224,27 @@ impl SensorStatistics {
                 if self.streak.count > self.longest.count {
                     self.longest = self.streak;
                 }
-                self.expected_gated += moments(&mut self.moments[m]).2;
+                self.expected_gated += chance(&mut self.chances[m]).gated;
             }
             Outcome::Accepted => {
-                let (mean, variance, gated) = moments(&mut self.moments[m]);
-                self.expected_gated += gated;
+                let chance = chance(&mut self.chances[m]);
+                self.expected_gated += chance.gated;
                 self.streak = Streak::default();
-                self.accepted(update, mean, variance);
+                self.accepted(update, &chance);
             }
         }
     }
 
-    fn accepted(&mut self, update: &UpdateRecord<'_>, mean: f64, variance: f64) {
-        let begin = *self.minute.0.get_or_insert(update.time);
+    fn accepted(&mut self, update: &UpdateRecord<'_>, chance: &Chance) {
+        let begin = *self.begin.get_or_insert(update.time);
         if update.time.since(begin) >= MINUTE {
             self.end_minute();
-            self.minute.0 = Some(update.time);
+            self.begin = Some(update.time);
         }
-        self.whole.add(update.nis, (mean, variance));
-        self.minute.1.add(update.nis, (mean, variance));
-        self.memory.add((update.nis - mean) / variance.sqrt());
-        let scale = (mean / update.innovation.len() as f64).sqrt();
+        self.whole.add(update.nis, chance);
+        self.minute.add(update.nis, chance);
+        self.memory.add((update.nis - chance.mean) / chance.variance.sqrt());
+        let scale = (chance.mean / update.innovation.len() as f64).sqrt();
         for (channel, innovation, sigma) in update.channels() {
             if let Some(channel) = self.channels.get_mut(channel) {
                 channel.add(innovation / (sigma * scale), innovation);
@@ -238,7 +253,8 @@ impl SensorStatistics {
     }
 
     fn end_minute(&mut self) {
-        let (Some(begin), sums) = std::mem::take(&mut self.minute) else { return };
+        let Some(begin) = self.begin.take() else { return };
+        let sums = std::mem::take(&mut self.minute);
         let inflated = sums.variance * self.memory.inflation();
         let probability = probability(sums.nis, sums.expected, inflated);
         self.minutes += 1;
@@ -254,7 +270,7 @@ impl SensorStatistics {
 
     /// Ends the last minute. A short one joins no statistics of minutes.
     pub(crate) fn finish(&mut self) {
-        let long = self.minute.1.count * self.minutes >= self.whole.count / 2;
+        let long = self.minute.count * self.minutes >= self.whole.count / 2;
         if long {
             self.end_minute();
         }
@@ -279,8 +295,9 @@ impl SensorStatistics {
         let inside = self.judge_nis(alpha, report);
         self.judge_minutes(alpha, inside, report);
         let mut found = Vec::new();
+        let whole = Whole { white, channels: self.channels.len(), inside };
         for channel in self.channels.iter().filter(|c| c.used()) {
-            channel.judge(alpha, (white, self.channels.len(), inside), &mut found);
+            channel.judge(alpha, &whole, &mut found);
         }
         // one reason for each criterion: of the channel that violates it most
         let order = |a: &&Departure, b: &&Departure| {

@@ -11,7 +11,6 @@ use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;
 use crate::model::sensor::{Accuracy, Role};
 use crate::session::comparison::Compared;
-use crate::state::Handle;
 use crate::units::time::Time;
 
 /// Accuracy of a recorded reference that states none.
@@ -24,7 +23,14 @@ const FAR: f64 = 6.0;
 #[derive(Clone, Debug)]
 pub(crate) struct ReferenceStatistics {
     name: String,
-    blocks: Vec<(usize, f64)>,
+    blocks: Vec<Stated>,
+}
+
+/// A slot of the state with the 1-sigma that the reference has there.
+#[derive(Clone, Copy, Debug)]
+struct Stated {
+    slot: usize,
+    sigma: f64,
 }
 
 /// A component of the state beside the reference.
@@ -45,10 +51,11 @@ impl ReferenceStatistics {
         let assumed = if composition.simulated { Accuracy::default() } else { ASSUMED };
         let Accuracy { position, velocity, attitude } = stated.unwrap_or(assumed);
         let vehicle = composition.layout.vehicle();
+        let stated = |slot: usize, sigma: f64| Stated { slot, sigma };
         let blocks = [
-            vehicle.position.map(Handle::slot).zip(Some(position)),
-            vehicle.velocity.map(Handle::slot).zip(Some(velocity)),
-            vehicle.attitude.map(Handle::slot).zip(Some(attitude)),
+            vehicle.position.map(|block| stated(block.slot(), position)),
+            vehicle.velocity.map(|block| stated(block.slot(), velocity)),
+            vehicle.attitude.map(|block| stated(block.slot(), attitude)),
         ];
         Some(Self { name: name.clone(), blocks: blocks.into_iter().flatten().collect() })
     }
@@ -61,9 +68,9 @@ impl ReferenceStatistics {
         (compared, end): (&[Compared], Time),
         report: &mut Report,
     ) {
-        let differences = self.blocks.iter().filter_map(|(slot, accuracy)| {
-            let compared = compared.get(*slot).filter(|c| c.holds_at(end))?;
-            Some(differences(compared, *accuracy))
+        let differences = self.blocks.iter().filter_map(|stated| {
+            let compared = compared.get(stated.slot).filter(|c| c.holds_at(end))?;
+            Some(differences(compared, stated.sigma))
         });
         let farthest = differences.flatten().max_by(|a, b| a.sigmas.total_cmp(&b.sigmas));
         let Some(Difference { name, error, unit, sigmas: distance }) =
@@ -108,7 +115,7 @@ mod tests {
     }
 
     fn judged(accuracy: f64, error: f64, end: i64) -> Option<(Severity, String)> {
-        let blocks = vec![(0, accuracy)];
+        let blocks = vec![Stated { slot: 0, sigma: accuracy }];
         let reference = ReferenceStatistics { name: "reference".to_owned(), blocks };
         let mut report = Report::default();
         let end = Time::from_nanos(end * 1_000_000_000);

@@ -184,7 +184,13 @@ impl StateStatistics {
     /// beyond `t` with the probability `2 Q(t)^2`.
     fn judge_pairs(&self, alpha: f64, sensors: &[SensorInfo], report: &mut Report) {
         let limit = sigmas((0.5 * alpha).sqrt());
-        let mut worst: Vec<(usize, usize, usize, f64)> = Vec::new();
+        /// The state on which two sensors are farthest apart.
+        struct Worst {
+            pair: (usize, usize),
+            row: usize,
+            apart: f64,
+        }
+        let mut worst: Vec<Worst> = Vec::new();
         for row in 0..self.rows.len() {
             for (a, b) in self.pairs(row) {
                 let (pa, pb) = (self.pull(a, row), self.pull(b, row));
@@ -193,14 +199,15 @@ impl StateStatistics {
                     continue;
                 }
                 let apart = (pa.sum - pb.sum).abs() / (pa.uncertain() + pb.uncertain()).sqrt();
-                match worst.iter_mut().find(|w| (w.0, w.1) == (a, b)) {
-                    Some(w) if w.3 >= apart => {}
-                    Some(w) => *w = (a, b, row, apart),
-                    None => worst.push((a, b, row, apart)),
+                let found = Worst { pair: (a, b), row, apart };
+                match worst.iter_mut().find(|w| w.pair == found.pair) {
+                    Some(w) if w.apart >= apart => {}
+                    Some(w) => *w = found,
+                    None => worst.push(found),
                 }
             }
         }
-        for (a, b, row, apart) in worst {
+        for Worst { pair: (a, b), row, apart } in worst {
             let severity = if apart >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
             let [first, second] = [a, b].map(|s| sensors[s].name.as_str());
             report.reasons.push(reason(
