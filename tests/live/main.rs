@@ -11,5 +11,6 @@ mod common;
 mod desk;
 mod embedded;
 mod faults;
+mod mavlink;
 mod restart;
 mod sockets;

@@ -1,5 +1,5 @@
 //! Links: samples that arrive over UDP, TCP, serial ports and standard input while a vehicle moves,
-//! and estimates that leave over UDP.
+//! and estimates that leave over UDP, as JSON, NMEA 0183 or MAVLink.
 //!
 //! A link reads one stream of bytes for all sensors that it feeds, on a thread of its own. Its
 //! format is that of NMEA 0183, that of a Doppler velocity log, or [sentences](Sentence) of
@@ -9,6 +9,7 @@ mod blend;
 mod config;
 mod feed;
 mod instrument;
+mod mavlink;
 mod port;
 mod ports;
 mod samples;
@@ -18,6 +19,7 @@ mod sink;
 
 pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
 pub use instrument::{write_fix, write_water_linked};
+pub use mavlink::{Autopilot, MavlinkFormat, MavlinkMessage};
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
 pub use serial::{Serial, serial_port};

@@ -1,6 +1,7 @@
-//! The newest estimate in datagrams, as JSON or NMEA 0183.
+//! The newest estimate in datagrams, as JSON, NMEA 0183 or MAVLink.
 
 use crate::blend::Blend;
+use crate::mavlink::{Mavlink, MavlinkFormat};
 use crate::ports::resolve;
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -30,6 +31,8 @@ pub struct UdpSink {
     /// `json`.
     #[serde(default)]
     pub format: EstimateFormat,
+    /// Messages of MAVLink for an autopilot, in place of `format`: `mavlink = {}`.
+    pub mavlink: Option<MavlinkFormat>,
     /// Date and time at which the run's clock is zero. Default: 1970-01-01T00:00:00, so that the
     /// times of the run are Unix times.
     pub origin: Option<Date>,
@@ -72,6 +75,8 @@ impl SinkType for UdpSink {
             address,
             format,
             origin,
+            messages: self.mavlink,
+            mavlink: None,
             vehicle: Vehicle::default(),
             blend: self.blend.map(|time| (Blend::new(time.value().si()), State::default())),
             text: String::new(),
@@ -86,6 +91,9 @@ struct Estimates {
     format: EstimateFormat,
     /// Nanoseconds since 1970 of the run's zero.
     origin: i64,
+    /// The messages of MAVLink that the scenario asks for, and their writer once the run starts.
+    messages: Option<MavlinkFormat>,
+    mavlink: Option<Mavlink>,
     vehicle: Vehicle,
     /// The continuous output, and its state.
     blend: Option<(Blend, State)>,
@@ -99,28 +107,30 @@ impl Sink for Estimates {
 
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.vehicle = run.layout.vehicle();
+        self.mavlink = self.messages.map(|format| Mavlink::new(format, run)).transpose()?;
         Ok(())
     }
 
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Newest(epoch) = record else { return Ok(()) };
-        let motion = match &mut self.blend {
+        let (shown, offsets) = match &mut self.blend {
             Some((blend, shown)) => {
                 shown.clone_from(epoch.state);
                 let offsets = blend.take(&self.vehicle, epoch, shown);
-                let epoch = Epoch { state: shown, ..**epoch };
-                Motion::of(&self.vehicle, &epoch).widened(offsets)
+                (Epoch { state: shown, ..**epoch }, offsets)
             }
-            None => Motion::of(&self.vehicle, epoch),
+            None => (**epoch, [[0.0; 3]; 2]),
         };
+        let time = epoch.state.time;
+        let unix = self.origin + time.nanos();
         self.text.clear();
-        match self.format {
-            EstimateFormat::Json => motion.json(&mut self.text, epoch.state.time.seconds()),
-            EstimateFormat::Nmea => {
-                motion.nmea(&mut self.text, self.origin + epoch.state.time.nanos());
-            }
-        }
-        match self.socket.send(self.text.as_bytes()) {
+        let motion = || Motion::of(&self.vehicle, &shown).widened(offsets);
+        let bytes = match (&mut self.mavlink, self.format) {
+            (Some(mavlink), _) => mavlink.messages(&shown, offsets, unix),
+            (None, EstimateFormat::Json) => motion().json(&mut self.text, time.seconds()),
+            (None, EstimateFormat::Nmea) => motion().nmea(&mut self.text, unix),
+        };
+        match self.socket.send(bytes) {
             // nobody listens yet, or the network is gone for a while
             Err(e) if e.kind() == ErrorKind::InvalidInput => {
                 Err(StreamError::network(format!("{}: {e}", self.address)))
@@ -186,7 +196,7 @@ impl Motion {
     }
 
     /// Appends an object; what is not estimated is left out.
-    fn json(&self, out: &mut String, time: f64) {
+    fn json<'a>(&self, out: &'a mut String, time: f64) -> &'a [u8] {
         let mut object = Map::new();
         object.insert("time_s".to_owned(), json!(time));
         let mut add = |names: [&str; 2], known: Option<Known>| {
@@ -200,10 +210,11 @@ impl Motion {
         add(["roll_pitch_heading_deg", "attitude_sigma_ned_deg"], self.attitude);
         // writing to a text cannot fail
         let _ = writeln!(out, "{}", Value::Object(object));
+        out.as_bytes()
     }
 
     /// Appends the sentences of a time in nanoseconds since 1970.
-    fn nmea(&self, out: &mut String, unix: i64) {
+    fn nmea<'a>(&self, out: &'a mut String, unix: i64) -> &'a [u8] {
         let time = time_of_day(&Calendar::of_unix_nanos(unix));
         if let Some(([latitude, longitude, height], [north, east, down])) = self.position {
             let place = place(latitude, longitude);
@@ -216,6 +227,7 @@ impl Motion {
         if let Some(([_, _, heading], _)) = self.attitude {
             seal(out, format_args!("INHDT,{},T", circle(heading, 3)));
         }
+        out.as_bytes()
     }
 }
 

@@ -41,6 +41,17 @@ pub fn rosbags(folder: &str) -> Packages<'static> {
     }
 }
 
+/// The readers of logs of vehicles, in a folder for temporary files.
+pub fn vehicle_logs(folder: &str) -> Packages<'static> {
+    Packages {
+        names: "pyulog and pymavlink",
+        folder: Path::new(folder).join("vehicle-logs"),
+        variable: Some("NAVFUSE_VEHICLE_LOGS_PYTHON"),
+        check: "import pyulog, pymavlink",
+        install: &[&["pyulog", "pymavlink"]],
+    }
+}
+
 impl Packages<'_> {
     /// Returns an interpreter with the packages. Without one, the test is skipped.
     pub fn python(&self) -> Option<PathBuf> {

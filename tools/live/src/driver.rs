@@ -258,7 +258,8 @@ impl Driver {
             Judged::Refused(error) => {
                 if self.sensors.refused(sensor) == 1 {
                     let text = format!(
-                        "a time stamp is wrong by {error:.1} s: such samples are not used; set                          `clock` or time = \"arrival\" of its link"
+                        "a time stamp is wrong by {error:.1} s: such samples are not used; set \
+                         `clock` or time = \"arrival\" of its link"
                     );
                     self.report(Level::Warning, self.names[sensor].clone(), text);
                 }

@@ -69,6 +69,8 @@ mod writer;
 pub use bag::BagSink;
 pub use file::Compression;
 pub use log::{LogInfo, read_scenario};
+pub use motion::{Motion, Moved};
+pub use pose::{Pose, Velocity};
 pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, RejectionEntry, SensorEntry};
 pub use sink::{Mcap, McapSink};
 pub use source::{McapLog, McapSource};

@@ -13,13 +13,14 @@ pub struct Motion {
     position: usize,
     attitude: usize,
     velocity: Option<usize>,
-    /// Origin of the local frame: the position of the first epoch.
+    /// Origin of the local frame.
     origin: Option<Geodetic>,
 }
 
 /// The motion at an epoch.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved {
+    /// Geodetic position.
     pub position: Geodetic,
     /// In the tangent at the origin, north, east, down.
     pub pose: Pose,
@@ -39,7 +40,13 @@ impl Motion {
         })
     }
 
-    /// The motion at an epoch; the first epoch gives the origin.
+    /// The same blocks with an origin of the local frame, in place of the position of the first epoch.
+    #[must_use]
+    pub fn with_origin(self, origin: Option<Geodetic>) -> Self {
+        Self { origin, ..self }
+    }
+
+    /// The motion at an epoch. Without another origin, the first epoch gives it.
     pub fn at(&mut self, epoch: &Epoch<'_>) -> Moved {
         let position = Position::load::<f64>(value(epoch, self.position));
         let origin = *self.origin.get_or_insert(position);

@@ -1,6 +1,6 @@
 //! Poses and velocities, and the rotations between the axes of navfuse and of ROS.
 
-use nalgebra::{Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A frame in its parent.
@@ -46,6 +46,14 @@ impl Pose {
     /// The covariance of the position.
     pub fn position_covariance(&self) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// The pose of an output that has an offset of position, m, and attitude, rad: it is in the
+    /// covariance.
+    #[must_use]
+    pub fn widened(self, [p, turn]: [[f64; 3]; 2]) -> Self {
+        let offset = Vector6::new(p[0], p[1], p[2], turn[0], turn[1], turn[2]);
+        Self { covariance: self.covariance + offset * offset.transpose(), ..self }
     }
 
     /// The same pose in east, north, up, of the body forward, left, up (REP 103): with the rotation

@@ -1,8 +1,8 @@
 //! The parameters of the source.
 
 use crate::axes::Axes;
-use navfuse_core::units::{Angle, Density, Duration, Length, Pressure, Triple};
-use navfuse_frames::TimeConfig;
+use navfuse_core::units::{Angle, Density, Duration, Pressure, Triple};
+use navfuse_frames::{Datum, TimeConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -93,18 +93,6 @@ pub struct TimeField {
     pub field: String,
     /// Unit of the field, such as "us".
     pub unit: String,
-}
-
-/// A position.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Datum {
-    /// Geodetic latitude.
-    pub latitude: Angle,
-    /// Longitude.
-    pub longitude: Angle,
-    /// Height above the ellipsoid.
-    pub height: Length,
 }
 
 /// A field of a message.

@@ -272,11 +272,7 @@ impl Converter {
                 let [roll, pitch, yaw]: [f64; 3] = r.si().into();
                 Rotation3::from_euler_angles(roll, pitch, yaw)
             }),
-            datum: config.datum.map(|d| Geodetic {
-                latitude: d.latitude.si(),
-                longitude: d.longitude.si(),
-                height: d.height.si(),
-            }),
+            datum: config.datum.map(|d| d.position()),
             atmosphere: config.atmosphere.map_or(ATMOSPHERE, |p| p.si()),
             gradient: density * GRAVITY,
             track: config.track,

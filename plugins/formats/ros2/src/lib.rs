@@ -21,8 +21,9 @@ mod transforms;
 
 pub use axes::Axes;
 pub use bag::{Bag, Message, Topic};
-pub use config::{Datum, MessageField, Ros2, Stamping, TopicConfig, Tracked};
+pub use config::{MessageField, Ros2, Stamping, TopicConfig, Tracked};
 pub use error::{DefinitionError, MessageError};
+pub use navfuse_frames::Datum;
 pub use survey::{Survey, TopicSurvey, Use, survey};
 pub use transforms::{Mounting, Transforms};
 

@@ -2,8 +2,9 @@
 
 use crate::clock::{Stamp, Zero};
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::time::Time;
-use navfuse_core::units::{Date, Duration};
+use navfuse_core::units::{Angle, Date, Duration, Length};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -73,5 +74,28 @@ impl TimeConfig {
             _ => return Ok(()),
         };
         Err(StreamError::scenario(message).at_key(key).with_remedy(remedy))
+    }
+}
+
+/// A position.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Datum {
+    /// Geodetic latitude.
+    pub latitude: Angle,
+    /// Longitude.
+    pub longitude: Angle,
+    /// Height above the ellipsoid.
+    pub height: Length,
+}
+
+impl Datum {
+    /// The position in SI.
+    pub fn position(&self) -> Geodetic {
+        Geodetic {
+            latitude: self.latitude.si(),
+            longitude: self.longitude.si(),
+            height: self.height.si(),
+        }
     }
 }

@@ -8,12 +8,14 @@
 //!
 //! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of
 //! an instrument on the clock of the run. [`validity`] knows
-//! the numbers that stand for no measurement. [`mcap`] has the outer form of MCAP files, for logs and bags.
+//! the numbers that stand for no measurement. [`mcap`] has the outer form of MCAP files, for logs and bags;
+//! [`mavlink`] the outer form of MAVLink, for logs and ports.
 
 mod clock;
 mod config;
 mod damage;
 mod file;
+pub mod mavlink;
 pub mod mcap;
 mod number;
 mod sentences;
@@ -21,7 +23,7 @@ pub mod validity;
 mod window;
 
 pub use clock::{Clock, Count, Stamp, Zero};
-pub use config::TimeConfig;
+pub use config::{Datum, TimeConfig};
 pub use damage::{Damage, Gap};
 pub use file::{open, recognise};
 pub use number::Number;

@@ -5,6 +5,7 @@ mod messages;
 
 use crate::record::{Decoder, Options, Record, Topic};
 use messages::Dialect;
+use navfuse_frames::mavlink::checksum;
 use navfuse_frames::{Count, Damage, Fault, Frames, Framing, Judgement, Stamp};
 use std::io::{Read, Result};
 
@@ -48,16 +49,6 @@ fn header(bytes: &[u8]) -> Option<Header> {
     let signature = if rest[2] & SIGNED != 0 { 13 } else { 0 };
     let total = STAMP + 10 + size + 2 + signature;
     Some(Header { id, system: rest[5], payload: 10, size, total })
-}
-
-/// The CRC-16 of MAVLink, with the polynomial 0x1021, reflected, start 0xffff.
-fn checksum(bytes: &[u8], extra: u8) -> u16 {
-    bytes.iter().chain([&extra]).fold(0xffff, |crc, byte| {
-        let mut t = byte ^ crc.to_le_bytes()[0];
-        t ^= t << 4;
-        let t = u16::from(t);
-        (crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)
-    })
 }
 
 /// The framing of messages with their time.

@@ -5,7 +5,7 @@
 
 use crate::generate::{dataflash, flight, telemetry};
 use crate::read;
-use navfuse_testing::python::Packages;
+use navfuse_testing::python::vehicle_logs;
 use navfuse_vehicle_logs::Format;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,14 +16,7 @@ type Columns = BTreeMap<(String, u32, String), Vec<f64>>;
 
 /// The columns of a log as another reader has them.
 fn theirs(kind: &str, log: &[u8]) -> Option<Columns> {
-    let packages = Packages {
-        names: "pyulog and pymavlink",
-        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("vehicle-logs"),
-        variable: Some("NAVFUSE_VEHICLE_LOGS_PYTHON"),
-        check: "import pyulog, pymavlink",
-        install: &[&["pyulog", "pymavlink"]],
-    };
-    let python = packages.python()?;
+    let python = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python()?;
     let folder = tempfile::tempdir().unwrap();
     // pymavlink reads a file as a telemetry log by its name
     let name = if kind == "dataflash" { "log.bin" } else { "log.tlog" };
