@@ -7,7 +7,9 @@ pub use crate::compose::calibration::{
 };
 pub use crate::model::error::ComposeError;
 pub use crate::model::process::input::InputModel;
-pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
+pub use crate::model::process::{
+    BuiltProcess, Densities, Input, Interval, Moved, OwnDynamics, ProcessError, ProcessModel, Step,
+};
 pub use crate::model::record::{Record, Wants};
 pub use crate::model::sensor::Role;
 pub use crate::model::sensor::dynamic::DynamicModel;

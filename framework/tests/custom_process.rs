@@ -7,25 +7,29 @@ use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::process::BuiltProcess;
-use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::process::{
+    BuiltProcess, Densities, Input, Interval, Moved, ProcessError, ProcessModel, Step,
+};
 use navfuse_core::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::Random;
-use navfuse_core::nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4, convert};
+use navfuse_core::nalgebra::{
+    DMatrix, Matrix4, Rotation3, SMatrix, SVector, Vector2, Vector4, convert,
+};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, Transition};
 use navfuse_core::state::display;
-use navfuse_core::state::manifold::Vector;
+use navfuse_core::state::manifold::{Manifold, Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{AccelerationNoise, Length, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::sync::Arc;
 
 /// Nearly constant velocity in the plane: place and velocity, moved by white acceleration.
 #[derive(Deserialize, JsonSchema)]
@@ -160,11 +164,83 @@ impl MeasurementModel<2> for RangesModel {
     }
 }
 
+/// A body that turns at a rate of its own and goes ahead: a state on every manifold.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Body {
+    speed: f64,
+}
+
+impl ProcessType for Body {
+    const TYPE: &'static str = "body";
+
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        // at a pitch of 90 deg, where roll and yaw are singular
+        let step = BodyStep {
+            rare: block(composer, "rare", &[0.0])?,
+            rate: block(composer, "rate", &[0.1, -0.3, 0.2])?,
+            attitude: block(composer, "attitude", &[0.4, std::f64::consts::FRAC_PI_2, 0.0])?,
+            position: block(composer, "position", &[0.9, 0.2, -50.0])?,
+            speed: block(composer, "speed", &[self.speed])?,
+        };
+        Ok(composer.step(step))
+    }
+}
+
+fn block<M: Manifold>(
+    composer: &mut Composer,
+    name: &str,
+    initial: &[f64],
+) -> Result<Handle<M>, ComposeError> {
+    let spec = BlockSpec {
+        mode: Mode::Estimate,
+        initial: initial.to_vec(),
+        sigma: vec![1.0; initial.len()],
+        truth: None,
+        dynamics: Dynamics::Constant,
+        display: display::LEVER_ARM,
+    };
+    composer.block(name, spec)
+}
+
+#[derive(Clone)]
+struct BodyStep {
+    attitude: Handle<Rotation>,
+    rate: Handle<Vector<3>>,
+    position: Handle<Position>,
+    speed: Handle<Scalar>,
+    /// Read above 10 m/s alone.
+    rare: Handle<Scalar>,
+}
+
+impl Step for BodyStep {
+    fn step<T: Real>(
+        &self,
+        x: &View<'_, T>,
+        _: Option<&Input<'_>>,
+        dt: f64,
+        next: &mut Moved<'_, T>,
+    ) {
+        let (c_b_n, rate, mut speed) = (x.get(self.attitude), x.get(self.rate), x.get(self.speed));
+        if speed > convert(10.0) {
+            speed += x.get(self.rare);
+        }
+        let way = c_b_n.matrix().column(0) * (speed * convert(dt));
+        next.set(self.attitude, &(c_b_n * Rotation3::new(rate * convert::<f64, T>(dt))));
+        next.set(self.position, &x.get(self.position).displaced(&way));
+        next.set(self.speed, &speed);
+    }
+    fn noise(&self, _: &View<'_, f64>, noise: &mut Densities<'_>) {
+        noise.white(self.speed, &[0.01]);
+    }
+}
+
 struct Mine;
 
 impl Plugin for Mine {
     fn build(&self, registry: &mut Registry) {
         registry.process::<Cruise>();
+        registry.process::<Body>();
         registry.sensor::<Ranges>();
     }
 }
@@ -275,4 +351,78 @@ fn a_sensor_whose_model_predicts_nan_is_named_and_leaves_the_estimate_as_it_was(
     assert_eq!(outcomes.0, [Outcome::Rejected(Rejection::Prediction)]);
     assert_eq!(ekf.state().values, [0.0, 0.0, 1.0, 0.5]);
     assert_eq!(ekf.covariance().get(0, 0), 100.0);
+}
+
+/// A composition with the body, whose process has moved the state over 0.5 s from one error state
+/// displaced.
+fn moved(
+    speed: f64,
+    displaced: (usize, f64),
+) -> Result<(Arc<Layout>, State, Transition), ProcessError> {
+    let mut registry = Registry::new();
+    registry.add(&Mine);
+    let scenario = format!("[process.body]\nspeed = {speed:?}\n");
+    let document = Document::parse("body.toml", &scenario).unwrap();
+    let mut composition = Scenario::new(&registry, document, &[]).unwrap().compose().unwrap();
+    let (layout, transition) = (&composition.layout, &mut composition.transition);
+    let mut state = layout.initial_state();
+    for block in &layout.blocks {
+        let row = displaced.0.wrapping_sub(block.tangent_range().start);
+        let mut delta = vec![0.0; block.operations.tangent];
+        delta.get_mut(row).into_iter().for_each(|delta| *delta = displaced.1);
+        (block.operations.retract)(&mut state.values[block.range()], &delta);
+    }
+    let interval =
+        Interval { from: Time::default(), to: Time::from_nanos(500_000_000), input: None };
+    let process = &mut composition.processes[0].model;
+    process.propagate(layout, &mut state, &interval, transition)?;
+    Ok((Arc::clone(layout), state, transition.clone()))
+}
+
+/// Row of a block of the body.
+fn row(layout: &Layout, name: &str) -> usize {
+    layout.find(name).unwrap().tangent.unwrap()
+}
+
+/// Differences over 1 cm: a position of 1 rad is rounded at 1.4 nm; a radius of 6e6 m bends by 1e-9
+/// on 1 cm; the third derivative of a rotation leaves `step^2 / 6`.
+#[test]
+fn the_derivative_of_a_step_is_that_of_central_differences_on_every_manifold() {
+    let (layout, _, transition) = moved(3.0, (0, 0.0)).unwrap();
+    let mut phi = DMatrix::<f64>::identity(layout.tangent, layout.tangent);
+    transition.elements().for_each(|(i, j, value)| phi[(i, j)] = value);
+    let mut largest = 0.0_f64;
+    for column in 0..layout.tangent {
+        let step = 5e-3;
+        let [to, from] = [step, -step].map(|step| moved(3.0, (column, step)).unwrap().1);
+        for block in &layout.blocks {
+            let (range, rows) = (block.range(), block.tangent_range());
+            let mut change = vec![0.0; rows.len()];
+            (block.operations.local)(&to.values[range.clone()], &from.values[range], &mut change);
+            for (row, change) in rows.zip(change) {
+                largest = largest.max((phi[(row, column)] - change / (2.0 * step)).abs());
+            }
+        }
+    }
+    assert!(largest < 1e-5, "{largest:e}");
+}
+
+/// At rest the position does not depend on the attitude, and yet the derivative has its place.
+#[test]
+fn a_derivative_that_is_zero_at_the_start_has_its_place() {
+    let (layout, _, transition) = moved(0.0, (0, 0.0)).unwrap();
+    let place = (row(&layout, "body.position"), row(&layout, "body.attitude"));
+    let found: Vec<f64> =
+        transition.elements().filter(|e| (e.0, e.1) == place).map(|e| e.2).collect();
+    assert_eq!(found, [0.0]);
+    // the position does not depend on the block that is read above 10 m/s alone
+    let rare = row(&layout, "body.rare");
+    assert!(transition.elements().all(|e| e.1 != rare));
+}
+
+#[test]
+fn a_step_that_reads_another_block_than_at_the_start_ends_the_run() {
+    let speed = row(&moved(3.0, (0, 0.0)).unwrap().0, "body.speed");
+    let error = moved(3.0, (speed, 8.0)).unwrap_err().to_string();
+    assert!(error.starts_with("the step uses body.rare, and did not"), "{error}");
 }

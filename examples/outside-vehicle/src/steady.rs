@@ -4,7 +4,6 @@
 //! `p' = (s cos c, s sin c, d)`, `c' = w_c`, `s' = w_s`, `d' = w_d`.
 
 use crate::circle::Circle;
-use navfuse_core::nalgebra::{SMatrix, Vector1};
 use navfuse_core::prelude::*;
 use navfuse_core::units::AccelerationNoise;
 
@@ -59,24 +58,10 @@ impl ProcessType for Steady {
         let course = composer.block("course", course)?;
         let speed = composer.block("speed", state(&[self.speed.si()], &fast, SPEED))?;
         let descent = composer.block("descent", state(&[0.0], &fast, DESCENT))?;
-        let (p, c) = (composer.tangent(position), composer.tangent(course));
-        let (s, d) = (composer.tangent(speed), composer.tangent(descent));
         composer.moves(Vehicle { position: Some(position), ..Vehicle::default() });
         let thrust = self.thrust.value().si().powi(2);
-        let t = composer.transition();
-        let model = Model {
-            position,
-            course,
-            speed,
-            descent,
-            density: [self.turning.value().si().powi(2), thrust, thrust],
-            p_p: t.phi_diagonal(p, p),
-            p_x: [t.phi(p, c), t.phi(p, s), t.phi(p, d)],
-            x_x: [t.phi(c, c), t.phi(s, s), t.phi(d, d)],
-            // the four blocks are adjacent, so one noise block holds their coupled noise
-            q: t.noise(p),
-        };
-        Ok(BuiltProcess::new(model))
+        let turning = self.turning.value().si().powi(2);
+        Ok(composer.step(Model { position, course, speed, descent, turning, thrust }))
     }
 }
 // ANCHOR_END: type
@@ -88,50 +73,31 @@ struct Model {
     course: Handle<Circle>,
     speed: Handle<Scalar>,
     descent: Handle<Scalar>,
-    /// Power spectral density of the rates of course, speed and descent.
-    density: [f64; 3],
-    p_p: PhiDiagonal<3>,
-    p_x: [PhiSlot<3, 1>; 3],
-    x_x: [PhiSlot<1, 1>; 3],
-    q: NoiseSlot<6>,
+    /// Power spectral densities of the rate of the course, and of those of speed and descent.
+    turning: f64,
+    thrust: f64,
 }
 
-impl ProcessModel for Model {
-    fn propagate(
-        &mut self,
-        layout: &Layout,
-        state: &mut State,
-        interval: &Interval<'_>,
-        transition: &mut Transition,
-    ) -> Result<(), ProcessError> {
-        let dt = interval.duration();
-        let ((sin, cos), speed) =
-            (state.get(layout, self.course).sin_cos(), state.get(layout, self.speed));
-        let velocity = Vector3::new(speed * cos, speed * sin, state.get(layout, self.descent));
-        let place = state.get(layout, self.position).displaced(&(velocity * dt));
-        state.set(layout, self.position, &place);
-        // derivatives of the velocity with respect to course, speed and descent
-        let moves = [
-            Vector3::new(-speed * sin, speed * cos, 0.0),
-            Vector3::new(cos, sin, 0.0),
-            Vector3::z(),
-        ];
-        let mut q = SMatrix::<f64, 6, 6>::zeros();
-        transition.set_diagonal(self.p_p, &[1.0; 3]);
-        for (k, u) in moves.iter().enumerate() {
-            transition.set(self.p_x[k], &(u * dt));
-            transition.set(self.x_x[k], &Vector1::new(1.0));
-            let density = self.density[k];
-            let pp = u * u.transpose() * (density * dt.powi(3) / 3.0);
-            let px = u * (density * dt * dt / 2.0);
-            let mut block = q.fixed_view_mut::<3, 3>(0, 0);
-            block += pp;
-            q.fixed_view_mut::<3, 1>(0, 3 + k).copy_from(&px);
-            q.fixed_view_mut::<1, 3>(3 + k, 0).copy_from(&px.transpose());
-            q[(3 + k, 3 + k)] = density * dt;
-        }
-        transition.set_noise(self.q, &q);
-        Ok(())
+impl Step for Model {
+    fn step<T: Real>(
+        &self,
+        x: &View<'_, T>,
+        _: Option<&Input<'_>>,
+        dt: f64,
+        next: &mut Moved<'_, T>,
+    ) {
+        let (course, speed, descent) = (x.get(self.course), x.get(self.speed), x.get(self.descent));
+        let velocity = Vector3::new(speed * course.cos(), speed * course.sin(), descent);
+        next.set(self.position, &x.get(self.position).displaced(&(velocity * convert(dt))));
+        next.set(self.course, &course);
+        next.set(self.speed, &speed);
+        next.set(self.descent, &descent);
+    }
+
+    fn noise(&self, _: &View<'_, f64>, noise: &mut Densities<'_>) {
+        noise.white(self.course, &[self.turning]);
+        noise.white(self.speed, &[self.thrust]);
+        noise.white(self.descent, &[self.thrust]);
     }
 
     /// Sets the true values of these states for a simulated or recorded motion.
@@ -146,10 +112,6 @@ impl ProcessModel for Model {
         {
             known[slot] = true;
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-        Box::new(self.clone())
     }
 }
 // ANCHOR_END: model

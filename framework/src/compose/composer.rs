@@ -1,6 +1,7 @@
 //! The composer, with which process and sensor types build their models.
 
 use crate::model::error::ComposeError;
+use crate::model::process::{BuiltProcess, Step, Stepping};
 use crate::model::sensor::Role;
 use crate::model::sensor::detector::Detector;
 use crate::model::sensor::mounting::Mounting;
@@ -382,6 +383,12 @@ impl Composer {
                 shown.display()
             ),
         ))
+    }
+
+    /// Builds a process from one function: finds the blocks that it reads and moves, and declares
+    /// their places in `Phi` and `Q`. Call it once the blocks exist.
+    pub fn step(&mut self, step: impl Step) -> BuiltProcess {
+        BuiltProcess::new(Stepping::new(step, &self.layout, &mut self.transition))
     }
 
     /// Transition, in which a process model declares the places of `Phi` and `Q` that it fills.

@@ -13,6 +13,7 @@ use crate::model::sensor::Sensor;
 use crate::model::sensor::motion::Motion;
 use crate::model::sensor::rule::UpdateRule;
 use crate::model::sensor::{Purpose, SensorInfo};
+use crate::model::simulate::Random;
 use crate::model::simulate::fault::Fault;
 use crate::state::covariance::Transition;
 use crate::state::{Layout, Mode};
@@ -47,6 +48,21 @@ pub struct Process {
     pub product: Option<Product>,
     /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
+}
+
+impl Process {
+    /// Slots of the blocks whose truth the process moves: no motion of the vehicle gives them, and
+    /// no sensor drives the process.
+    pub fn wandering(&self, layout: &Layout) -> Vec<usize> {
+        if self.input.is_some() {
+            return Vec::new();
+        }
+        let (mut state, mut wander) = (layout.initial_state(), vec![false; layout.blocks.len()]);
+        let mut random = Random::new(0, "none");
+        self.model.wander(layout, &mut state, &mut wander, 0.0, &mut random);
+        let followed = moved(layout, std::slice::from_ref(self));
+        (0..wander.len()).filter(|slot| wander[*slot] && !followed[*slot]).collect()
+    }
 }
 
 /// Everything that an estimator needs, with every name resolved.

@@ -137,7 +137,7 @@ impl std::fmt::Debug for Moving {
 impl Moving {
     fn new(layout: &Layout, process: &Process, seed: u64, truth: &State) -> Self {
         Self {
-            slots: wandering(layout, process.model.as_ref()),
+            slots: process.wandering(layout),
             process: process.model.boxed_clone(),
             random: Random::new(seed, &format!("truth of {}", process.name)),
             before: truth.values.clone(),
@@ -166,7 +166,7 @@ pub(crate) fn settle(
 ) {
     let mut wander = vec![false; layout.blocks.len()];
     for process in processes {
-        wandering(layout, process.model.as_ref()).iter().for_each(|slot| wander[*slot] = true);
+        process.wandering(layout).iter().for_each(|slot| wander[*slot] = true);
     }
     for (slot, block) in layout.blocks.iter_mut().enumerate() {
         block.wanders |= wander[slot];
@@ -174,13 +174,6 @@ pub(crate) fn settle(
             block.spec.truth = None;
         }
     }
-}
-
-/// Slots of the blocks whose truth a process moves.
-pub(crate) fn wandering(layout: &Layout, process: &dyn ProcessModel) -> Vec<usize> {
-    let (mut state, mut known) = (layout.initial_state(), vec![false; layout.blocks.len()]);
-    process.wander(layout, &mut state, &mut known, 0.0, &mut Random::new(0, "none"));
-    (0..known.len()).filter(|slot| known[*slot]).collect()
 }
 
 impl Wandering {

@@ -6,11 +6,14 @@
 
 use crate::Real;
 use crate::state::geodesy::Geodetic;
-use nalgebra::{Matrix3, Rotation3, SVector, UnitQuaternion, Vector3, convert};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3, convert};
 use num_dual::Dual64;
 
 /// Largest tangent dimension of one block.
 pub const MAX_TANGENT: usize = 16;
+
+/// Largest number of stored numbers of a value, where the coordinates give its derivative.
+const MAX_AMBIENT: usize = 64;
 
 /// A manifold, on which the value of a state block lives.
 ///
@@ -55,7 +58,7 @@ pub trait Manifold: Send + Sync + 'static {
     /// `true` where the coordinates of `x [+] delta` are those of `x` plus `delta`.
     const FLAT: bool = false;
     /// A value with scalars of type `T`.
-    type Value<T: Real>: Clone;
+    type Value<T: Real>: Clone + 'static;
 
     /// Reads a value from its [`Self::AMBIENT`] numbers.
     fn load<T: Real>(ambient: &[f64]) -> Self::Value<T>;
@@ -75,6 +78,12 @@ pub trait Manifold: Send + Sync + 'static {
     fn coordinates<T: Real>(x: &Self::Value<T>, out: &mut [T]);
     /// The value with the given coordinates, the inverse of [`Self::coordinates`].
     fn from_coordinates(coordinates: &[f64]) -> Self::Value<f64>;
+    /// Derivative of a value along its tangent. Default: the derivative of the coordinates times the
+    /// inverse of [`Self::coordinate_jacobian`]. A manifold whose coordinates are singular
+    /// somewhere defines it without them.
+    fn slope(value: &Self::Value<Dual64>, tangent: &mut [f64]) {
+        slope_by_coordinates::<Self>(value, tangent);
+    }
     /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where
     /// coordinates are singular. By default from dual numbers.
     fn coordinate_jacobian(ambient: &[f64], jacobian: &mut [f64]) {
@@ -95,6 +104,27 @@ fn coordinate_jacobian<M: Manifold + ?Sized>(ambient: &[f64], jacobian: &mut [f6
             jacobian[n * i + k] = c[i].eps;
         }
     }
+}
+
+/// The derivative along the tangent, by the coordinates. Without memory from the heap: the system of
+/// equations is filled up with the identity.
+fn slope_by_coordinates<M: Manifold + ?Sized>(value: &M::Value<Dual64>, tangent: &mut [f64]) {
+    const { assert!(M::AMBIENT <= MAX_AMBIENT) };
+    let n = M::TANGENT;
+    let mut c = [Dual64::from(0.0); MAX_TANGENT];
+    M::coordinates(value, &mut c[..n]);
+    let mut ambient = [0.0; MAX_AMBIENT];
+    let ambient = &mut ambient[..M::AMBIENT];
+    M::store(&M::from_coordinates(&c.map(|c| c.re)[..n]), ambient);
+    let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+    M::coordinate_jacobian(ambient, &mut jacobian);
+    let entry = |i, k| if i < n && k < n { jacobian[n * i + k] } else { f64::from(i == k) };
+    let jacobian = SMatrix::<f64, MAX_TANGENT, MAX_TANGENT>::from_fn(entry);
+    let mut slope = SVector::from(c.map(|c| c.eps));
+    if !jacobian.lu().solve_mut(&mut slope) {
+        slope.fill(f64::NAN);
+    }
+    tangent.copy_from_slice(&slope.as_slice()[..n]);
 }
 
 /// Coordinates in which sigma and error of a block are read.
@@ -136,6 +166,9 @@ impl Manifold for Scalar {
     fn from_coordinates(coordinates: &[f64]) -> f64 {
         coordinates[0]
     }
+    fn slope(value: &Dual64, tangent: &mut [f64]) {
+        tangent[0] = value.eps;
+    }
 }
 
 /// A vector of `N` real numbers.
@@ -165,6 +198,9 @@ impl<const N: usize> Manifold for Vector<N> {
     }
     fn from_coordinates(coordinates: &[f64]) -> SVector<f64, N> {
         SVector::from_column_slice(coordinates)
+    }
+    fn slope(value: &SVector<Dual64, N>, tangent: &mut [f64]) {
+        tangent.iter_mut().zip(value).for_each(|(t, v)| *t = v.eps);
     }
 }
 
@@ -236,6 +272,13 @@ impl Manifold for Rotation {
     }
     fn from_coordinates(c: &[f64]) -> Rotation3<f64> {
         Rotation3::from_euler_angles(c[0], c[1], c[2])
+    }
+    /// From `dC = [w x] C`.
+    fn slope(value: &Rotation3<Dual64>, tangent: &mut [f64]) {
+        let (c, d) = (value.matrix().map(|v| v.re), value.matrix().map(|v| v.eps));
+        let w = d * c.transpose();
+        let half = [w[(2, 1)] - w[(1, 2)], w[(0, 2)] - w[(2, 0)], w[(1, 0)] - w[(0, 1)]];
+        tangent.copy_from_slice(&half.map(|w| 0.5 * w));
     }
     /// Rates of roll, pitch and yaw for rotations about the axes of the frame that the rotation maps
     /// to, from `C = R_z R_y R_x` (the transposes of the coordinate transformations).
@@ -334,6 +377,12 @@ impl Manifold for Position {
     }
     fn from_coordinates(c: &[f64]) -> Geodetic {
         Geodetic { latitude: c[0], longitude: c[1], height: c[2] }
+    }
+    fn slope(value: &Geodetic<Dual64>, tangent: &mut [f64]) {
+        let Geodetic { latitude, longitude, height } = value;
+        let here = Geodetic { latitude: latitude.re, longitude: longitude.re, height: height.re };
+        let moved = value.ned_from(&here.cast());
+        tangent.iter_mut().zip(&moved).for_each(|(t, m)| *t = m.eps);
     }
 }
 

@@ -201,19 +201,10 @@ impl<'a> Lab<'a> {
             return false;
         };
         let moves = self.composition.transition.moves(&block.tangent_range());
-        let given = || self.followed(|_| true)[slot] || self.wandering()[slot];
+        let wanders =
+            || self.composition.processes.iter().any(|p| p.wandering(layout).contains(&slot));
+        let given = || self.followed(|_| true)[slot] || wanders();
         !layout.is_past(slot) && (!moves || given())
-    }
-
-    /// Marks the blocks whose truth a process moves.
-    fn wandering(&self) -> Vec<bool> {
-        let layout = &self.composition.layout;
-        let (mut truth, mut random) = (layout.initial_state(), Random::new(0, "none"));
-        let mut moved = vec![false; layout.blocks.len()];
-        for process in &self.composition.processes {
-            process.model.wander(layout, &mut truth, &mut moved, 0.0, &mut random);
-        }
-        moved
     }
 
     /// Marks the blocks that some processes set on a known motion.

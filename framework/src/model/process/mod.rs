@@ -8,7 +8,11 @@ mod process_error;
 mod product;
 pub mod screening;
 pub mod start;
+mod step;
+mod stepping;
 
 pub use process::{BuiltProcess, Input, Interval, OwnDynamics, ProcessModel};
 pub use process_error::{ProcessError, ProcessErrorKind};
 pub use product::Product;
+pub use step::{Densities, Moved, Step};
+pub(crate) use stepping::Stepping;

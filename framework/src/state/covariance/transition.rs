@@ -5,6 +5,7 @@ use super::kernel::Kernel;
 use super::{Covariance, Reach};
 use crate::checkpoint::saved;
 use crate::state::{Layout, vectorised};
+use std::ops::Range;
 
 /// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
 #[derive(Clone, Copy, Debug)]
@@ -60,12 +61,16 @@ impl Transition {
         row: Option<usize>,
         column: Option<usize>,
     ) -> PhiSlot<R, C> {
-        PhiSlot(row.zip(column).map(|(r, c)| {
-            let at = self.phi.len();
-            self.places.extend((0..R * C).map(|k| (r + k % R, c + k / R)));
-            self.phi.resize(at + R * C, 0.0);
-            at
-        }))
+        PhiSlot(row.zip(column).map(|(r, c)| self.phi_block(r..r + R, c..c + C)))
+    }
+
+    /// Declares a block of `Phi` of any size, column by column; returns the place of its first
+    /// element.
+    pub(crate) fn phi_block(&mut self, rows: Range<usize>, columns: Range<usize>) -> usize {
+        let at = self.phi.len();
+        self.places.extend(columns.flat_map(|c| rows.clone().map(move |r| (r, c))));
+        self.phi.resize(self.places.len(), 0.0);
+        at
     }
 
     /// Declares the diagonal of a block of `Phi`.
@@ -84,19 +89,33 @@ impl Transition {
 
     /// Declares a block on the diagonal of `Q`.
     pub fn noise<const N: usize>(&mut self, row: Option<usize>) -> NoiseSlot<N> {
-        NoiseSlot(row.map(|r| {
-            let at = self.q.len();
-            self.noise.push((at, r, N));
-            self.q.resize(at + N * N, 0.0);
-            at
-        }))
+        NoiseSlot(row.map(|r| self.noise_block(r, N)))
+    }
+
+    /// Declares a square block of any size on the diagonal of `Q`; returns the place of its first
+    /// element.
+    pub(crate) fn noise_block(&mut self, row: usize, size: usize) -> usize {
+        let at = self.q.len();
+        self.noise.push((at, row, size));
+        self.q.resize(at + size * size, 0.0);
+        at
+    }
+
+    /// The elements of `Phi` from a place on.
+    pub(crate) fn phi_from(&mut self, at: usize) -> &mut [f64] {
+        &mut self.phi[at..]
+    }
+
+    /// The elements of `Q` from a place on.
+    pub(crate) fn noise_from(&mut self, at: usize) -> &mut [f64] {
+        &mut self.q[at..]
     }
 
     /// Transition that gives the error states of `rows` the errors `phi` of `columns` (row-major)
     /// and the noise `q`, and keeps all others.
     pub(crate) fn replacing(
         layout: &Layout,
-        rows: std::ops::Range<usize>,
+        rows: Range<usize>,
         columns: &[usize],
         phi: &[f64],
         q: &nalgebra::DMatrix<f64>,
@@ -255,7 +274,7 @@ impl Transition {
     }
 
     /// Returns `true` if a process fills a row in this range.
-    pub fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
+    pub fn moves(&self, rows: &Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
             || self.noise.iter().any(|n| rows.contains(&n.1))
     }
