@@ -59,19 +59,19 @@ pub fn standard_plugins() -> Registry {
     registry
 }
 
-/// Multisensor navigation from a TOML scenario: a simulated or recorded vehicle, its sensors, an
-/// error-state EKF that calibrates them, a log, and a recording for the rerun viewer.
+/// Multisensor navigation from a TOML scenario: fuses the sensors of a simulated, recorded or moving
+/// vehicle, calibrates them, judges the run, and writes a log and a recording for the rerun viewer.
 #[derive(Debug, Parser)]
 #[command(
     name = "navfuse",
     version,
     after_help = "\
 Start here:
-  navfuse run scenarios/quickstart.toml       run the smallest useful scenario, on simulated sensors
-  navfuse list                                list the types that a scenario can use
-  navfuse list dvl                            list the parameters of one type
-  navfuse check my-scenario.toml              compose a scenario without running it
-  navfuse monte-carlo my-scenario.toml        test whether its uncertainty is consistent"
+  navfuse run scenarios/quickstart.toml   run the smallest useful scenario
+  navfuse list                            list the types that a scenario can use
+  navfuse list dvl                        list the parameters of one type
+  navfuse check my-scenario.toml          compose a scenario without running it
+  navfuse monte-carlo my-scenario.toml    test whether its sigma is consistent"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -99,8 +99,8 @@ const SCHEMA_HELP: &str = "\
 Examples:
   navfuse schema > scenarios/navfuse.schema.json
 
-A first line `#:schema navfuse.schema.json` in a scenario makes editors with a TOML language server
-use it: they complete keys, and mark misspelt ones and values of a wrong unit.";
+A first line `#:schema navfuse.schema.json` in a scenario makes editors with a TOML language \
+server use it: they complete keys, and mark misspelt ones and values of a wrong unit.";
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
@@ -136,11 +136,11 @@ enum Commands {
     Merge(commands::merge::Merge),
     /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter
     Calibrate(commands::calibrate::Calibrate),
-    /// Find the change of a scenario that explains its samples: run them again with each
+    /// Find the change of a scenario that explains its samples: run them with each of some hundred
     Diagnose(commands::diagnose::Diagnose),
-    /// Print the verdict on each kind of fault, beside the evidence in the innovations
+    /// Put kinds of faults into scenarios, and print how well the verdict finds each
     Detect(commands::detect::Detect),
-    /// Print what each state would move by if each thing that nothing models had its usual size
+    /// Print how far each state would move if each error that nothing models had its usual size
     Sensitivity(commands::sensitivity::Sensitivity),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
     Report(commands::report::Report),

@@ -255,6 +255,23 @@ fn completions_and_manual_pages_know_every_command() {
     }
 }
 
+/// Examples are copied from a terminal, so none is broken; clap breaks the paragraphs.
+#[test]
+fn no_example_is_wider_than_80_columns_and_no_paragraph_is_broken_by_hand() {
+    let definition = navfuse::definition();
+    let texts = definition.get_subcommands().chain([&definition]);
+    for text in texts.filter_map(|c| c.get_after_help()).map(ToString::to_string) {
+        let lines: Vec<&str> = text.lines().collect();
+        for line in lines.iter().filter(|line| line.starts_with(' ')) {
+            assert!(line.chars().count() <= 80, "{line}");
+        }
+        for pair in lines.windows(2) {
+            let flush = |line: &str| !line.is_empty() && !line.starts_with(' ');
+            assert!(!(flush(pair[0]) && flush(pair[1])), "{pair:?}");
+        }
+    }
+}
+
 /// A viewer that reports a version and notes what it is opened with.
 #[cfg(all(unix, feature = "rerun"))]
 fn viewer(folder: &Path, version: &str) -> String {

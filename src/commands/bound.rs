@@ -14,11 +14,11 @@ use std::process::ExitCode;
 #[command(after_help = "\
 Examples:
   navfuse bound scenarios/pan-wu-3d.toml
+  # would a better DVL help?
   navfuse bound scenarios/pan-wu-3d.toml --set \"sensor.dvl.noise=2 mm/s\"
-                                            would a better DVL help?
 
-The bound is the covariance of the best estimate that any filter can make of these sensors on
-this trajectory. The smoothed bound belongs to the best estimate from all samples, later ones
+The bound is the covariance of the best estimate that any filter can make of these sensors on \
+this trajectory. The smoothed bound belongs to the best estimate from all samples, later ones \
 included.")]
 pub struct Bound {
     /// The scenario, a TOML file; its samples are simulated

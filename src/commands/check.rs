@@ -22,9 +22,9 @@ Examples:
   navfuse check my-scenario.toml --set sensor.dvl.enabled=false
   navfuse check - < my-scenario.toml
 
-The command prints every state with its prior, every sensor with its channels, gate and simulated
-rate, and all sources and sinks. If the scenario has mistakes, it prints all of them with their lines
-instead. It runs nothing and writes nothing.")]
+The command prints every state with its prior, every sensor with its channels, gate and \
+simulated rate, and all sources and sinks. If the scenario has mistakes, it prints all of them \
+with their lines instead. It runs nothing and writes nothing.")]
 pub struct Check {
     /// The scenario, a TOML file; `-` reads standard input
     pub scenario: PathBuf,

@@ -23,13 +23,14 @@ const LETTERS: [&str; 5] = ["A", "B", "C", "D", "E"];
 Examples:
   navfuse compare runs/monday/run.mcap runs/tuesday/run.mcap
   navfuse compare scenarios/quickstart.toml my-quickstart.toml
-  navfuse compare scenarios/quickstart.toml --vary \"sensor.dvl.noise=5 mm/s,1 cm/s,5 cm/s\"
-  navfuse compare dive.toml --vary sensor.gnss.enabled=true,false --format json | jq .scenario
+  navfuse compare dive.toml --vary \"sensor.dvl.noise=5 mm/s,1 cm/s,5 cm/s\"
+  navfuse compare dive.toml --vary sensor.gnss.enabled=true,false
 
-The command prints the keys in which the scenarios differ, the counts of the sensors, and every state
-at the end: error, rms error, 1-sigma, and the difference from the first run with its sigma. It writes
-compare.html, a page that draws the curves of all runs together, and compare.rrd, the same curves on
-one timeline for the rerun viewer. Each scenario or log brings its own sources and samples.")]
+The command prints the keys in which the scenarios differ, the counts of the sensors, and every \
+state at the end: error, rms error, 1-sigma, and the difference from the first run with its \
+sigma. It writes compare.html, a page that draws the curves of all runs together, and \
+compare.rrd, the same curves on one timeline for the rerun viewer. Each scenario or log brings \
+its own sources and samples.")]
 pub struct Compare {
     /// Two or more runs: logs (MCAP), folders with a run.mcap, or scenarios (TOML), which the command
     /// runs first; or one scenario with --vary

@@ -14,7 +14,7 @@ Examples:
   navfuse completions bash > ~/.local/share/bash-completion/completions/navfuse
   navfuse completions zsh > ~/.zfunc/_navfuse
   navfuse completions fish > ~/.config/fish/completions/navfuse.fish
-  navfuse completions man --out ~/.local/share/man/man1       then: man navfuse-run")]
+  navfuse completions man --out ~/.local/share/man/man1 && man navfuse-run")]
 pub struct Completions {
     /// The shell, or `man` for the manual pages
     #[arg(value_enum)]

@@ -18,10 +18,10 @@ Examples:
   navfuse detect docs/detection/kinds.toml
   navfuse detect kinds.toml --only gyro --runs 30 --format json
 
-The command puts each kind of fault of the file into its scenario. It prints the
-verdict beside the evidence in the innovations, which is twice the logarithm of
-the likelihood ratio of a filter that knows the fault. Below 22.6 no test can find
-a fault. A second table counts false alarms, misses and wrong names.")]
+The command puts each kind of fault of the file into its scenario. It prints the verdict beside \
+the evidence in the innovations, which is twice the logarithm of the likelihood ratio of a \
+filter that knows the fault. Below 22.6 no test can find a fault. A second table counts false \
+alarms, misses and wrong names.")]
 pub struct Detect {
     /// The file of kinds of faults, TOML
     pub kinds: PathBuf,

@@ -22,14 +22,14 @@ const SECONDS: f64 = 30.0;
 #[command(after_help = "\
 Examples:
   navfuse diagnose dive.toml
-  navfuse diagnose dive.toml --apply dive-mended.toml && navfuse run dive-mended.toml
+  navfuse diagnose dive.toml --apply mended.toml && navfuse run mended.toml
   navfuse diagnose runs/dive/run.mcap --set sensor.gnss.enabled=false
   navfuse diagnose dive.toml --format json | jq .trials[0]
 
-The command runs the samples again with each of some hundred changes of the scenario: lags, lever
-arms, biases, noise, units, signs and axes of every sensor, priors, leap seconds, a sensor left out. It
-compares how likely each makes the same samples, and prints the best ones. A change is a remedy only
-if the run with it is consistent.
+The command runs the samples again with each of some hundred changes of the scenario: lags, \
+lever arms, biases, noise, units, signs and axes of every sensor, priors, leap seconds, a sensor \
+left out. It compares how likely each makes the same samples, and prints the best ones. A change \
+is a remedy only if the run with it is consistent.
 
 Exit code 3: neither the scenario nor the best change gives a run that may be used.")]
 pub struct Diagnose {

@@ -19,14 +19,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse export runs/quickstart/run.mcap --to geojson       writes runs/quickstart/run.geojson
-  navfuse export runs/quickstart/run.mcap --to csv           every state with its full covariance
-  navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z --out dive.sbet
-  navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out dive_bag
+  navfuse export runs/dive/run.mcap --to geojson    writes runs/dive/run.geojson
+  navfuse export runs/dive/run.mcap --to csv        every state, full covariance
+  navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z
+  navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out bag
 
-geojson, kml, gpx, nmea, sbet, tum and kitti contain position, velocity and attitude from the log.
-csv and parquet contain every state with its full covariance, ros2 contains pose and velocity with
-their covariances. For these three, the filter runs the scenario in the log again on its samples.")]
+geojson, kml, gpx, nmea, sbet, tum and kitti contain position, velocity and attitude from the \
+log. csv and parquet contain every state with its full covariance, ros2 contains pose and \
+velocity with their covariances. For these three, the filter runs the scenario in the log again \
+on its samples.")]
 pub struct Export {
     /// A log, which is an MCAP file that navfuse wrote
     pub log: PathBuf,

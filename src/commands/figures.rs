@@ -32,8 +32,8 @@ Examples:
 
 The command writes:
   figure-01.svg to figure-16.svg   the figures, by their numbers in the paper
-  index.html                       all figures with the paper's captions; the page opens offline
-  figures.rrd                      the figures over time for the rerun viewer, if navfuse has it")]
+  index.html                       all figures with the captions of the paper
+  figures.rrd                      the figures over time for the rerun viewer")]
 pub struct Figures {
     /// The paper
     #[arg(value_enum)]

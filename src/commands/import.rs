@@ -17,12 +17,12 @@ Examples:
   navfuse import imu.csv dvl.csv depth.csv reference.csv --out dive.toml
   navfuse import imu.csv dive-7.pd0 nav.nmea
   navfuse import imu.csv --position 34.246048,108.909664,380
-  navfuse import dive/                        a bag of ROS 2: its folder, or one of its files
+  navfuse import dive/            a bag of ROS 2: its folder, or one of its files
 
-Files are recognised by their content: tables with a heading for each column (CSV), solutions of
-RTKLIB, files of Doppler velocity logs, NMEA 0183, logs of vehicles (PX4 ULog, MAVLink, NovAtel,
-VectorNav, SBET, KF-GINS), text of KF-GINS and SBG, and bags of ROS 2. The scenario runs at once. Lines
-with values that no file gives are marked with ANSWER.")]
+Files are recognised by their content: tables with a heading for each column (CSV), solutions of \
+RTKLIB, files of Doppler velocity logs, NMEA 0183, logs of vehicles (PX4 ULog, MAVLink, NovAtel, \
+VectorNav, SBET, KF-GINS), text of KF-GINS and SBG, and bags of ROS 2. The scenario runs at \
+once. Lines with values that no file gives are marked with ANSWER.")]
 pub struct Import {
     /// The files of the recording
     #[arg(required = true, value_name = "FILE")]

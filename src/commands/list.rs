@@ -12,8 +12,8 @@ use std::process::ExitCode;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse list            every process, sensor, source and sink that a scenario can use
-  navfuse list dvl        the keys of [sensor.dvl], with units, defaults and meaning")]
+  navfuse list            every type that a scenario can use
+  navfuse list dvl        the keys of [sensor.dvl]: unit, default, meaning")]
 pub struct List {
     /// A type, such as `dvl`
     pub name: Option<String>,

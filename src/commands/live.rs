@@ -33,7 +33,8 @@ Examples:
   navfuse live vehicle.toml --out /data/dive-7
   navfuse play run.mcap --speed 10 | navfuse live desk.toml --speed 10
 
-The links of the scenario, [link.NAME], say how the samples arrive. Ctrl-C and SIGTERM end the run, and write its log; SIGHUP begins a new log file.")]
+The links of the scenario, [link.NAME], state how the samples arrive. Ctrl-C and SIGTERM end the \
+run, and write its log; SIGHUP begins a new log file.")]
 pub struct Live {
     /// The scenario, a TOML file with links
     pub scenario: PathBuf,

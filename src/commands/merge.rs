@@ -18,8 +18,8 @@ Examples:
   done
   navfuse merge parts/* --out whole
 
-The parts may run on different machines and in any order. The result equals the same campaign run
-on one machine.")]
+The parts may run on different machines and in any order. The result equals the same campaign \
+run on one machine.")]
 pub struct Merge {
     /// The folders of all parts
     #[arg(required = true)]

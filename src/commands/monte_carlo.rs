@@ -13,17 +13,18 @@ use std::process::ExitCode;
 #[command(after_help = "\
 Examples:
   navfuse monte-carlo scenarios/pan-wu-3d.toml
-  navfuse monte-carlo scenarios/pan-wu-3d.toml --runs 1000 --every \"10 s\" --from \"700 s\"
-  navfuse monte-carlo scenarios/pan-wu-3d.toml --set sensor.imu.simulation.noise=2
-                                            twice the noise that the filter assumes: is it detected?
+  navfuse monte-carlo scenarios/pan-wu-3d.toml --runs 1000 --from \"700 s\"
+  # is twice the noise that the filter assumes detected?
+  navfuse monte-carlo scenarios/pan-wu-3d.toml \\
+      --set sensor.imu.simulation.noise=2
+  # one job of an array; `navfuse merge` joins the parts
   navfuse monte-carlo scenarios/pan-wu-3d.toml --shard 3/7 --out parts/3
-                                            one job of an array; then `navfuse merge`
+  # one table of many scenarios: does a run report its fault?
   navfuse monte-carlo scenarios/faults/*.toml --runs 30 --no-output
-                                            one table of many scenarios: does a run report its fault?
 
-Each run draws the initial errors from the priors, fresh noise, and the truth of every state for
+Each run draws the initial errors from the priors, fresh noise, and the truth of every state for \
 which the scenario states none. The command writes:
-  campaign.html    a page with the verdict, the tables, the plots and the runs to look at
+  campaign.html    a page: verdict, tables, plots, and the runs to look at
   report.json      the tables that it prints
   epochs.parquet   RMSE, sigma, bound, ANEES and NIS over time
   runs.parquet     one row for each run and epoch: errors, sigmas, NEES, NIS

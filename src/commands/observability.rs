@@ -24,14 +24,17 @@ const IMPROVED: usize = 3;
 #[command(after_help = "\
 Examples:
   navfuse observability scenarios/pan-wu-3d.toml
-  navfuse observability scenarios/pan-wu-2d.toml --out runs/observe   writes figure and numbers
-  navfuse observability runs/pan-wu-3d/run.mcap                       the same for a recorded dive
-  navfuse observability scenarios/pan-wu-2d.toml --suggest            ranks the next manoeuvres
-  navfuse observability scenarios/pan-wu-3d.toml --suggest --at \"720 s\" --for ins.accel_bias
+  # write a page, figures and numbers; then the same for a recorded dive
+  navfuse observability scenarios/pan-wu-2d.toml --out runs/observe
+  navfuse observability runs/pan-wu-3d/run.mcap
+  # rank the next manoeuvres
+  navfuse observability scenarios/pan-wu-2d.toml --suggest
+  navfuse observability scenarios/pan-wu-3d.toml --suggest \\
+      --at \"720 s\" --for ins.accel_bias
 
-A state is determined when its sigma is at most a quarter of what it would be without measurements:
-at most a sixteenth of the variance still comes from the prior. `bits` counts how often sigma was
-halved.")]
+A state is determined when its sigma is at most a quarter of what it would be without \
+measurements: at most a sixteenth of the variance still comes from the prior. `bits` counts how \
+often sigma was halved.")]
 pub struct Observability {
     /// A scenario (TOML), or a log that navfuse wrote (MCAP)
     pub scenario: PathBuf,

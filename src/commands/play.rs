@@ -32,7 +32,8 @@ Examples:
   navfuse play runs/dive/run.mcap --to udp://127.0.0.1:5005
   navfuse play scenarios/surface-dive.toml --speed 10 --to tcp://127.0.0.1:5005
   navfuse play run.mcap --speed inf | navfuse live desk.toml --speed inf
-  navfuse play run.mcap --to udp://127.0.0.1:5005 --to gnss=nmea:udp://127.0.0.1:10110 \\
+  navfuse play run.mcap --to udp://127.0.0.1:5005 \\
+      --to gnss=nmea:udp://127.0.0.1:10110 \\
       --to dvl=water-linked-json:tcp://127.0.0.1:16171")]
 pub struct Play {
     /// A log, or a scenario whose sources give the samples

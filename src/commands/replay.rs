@@ -13,7 +13,7 @@ use std::process::ExitCode;
 #[command(after_help = "\
 Examples:
   navfuse replay runs/pan-wu-3d/run.mcap
-  navfuse replay dive.mcap --set \"sensor.dvl.gate=0.999\" --out runs/dive-with-gate
+  navfuse replay dive.mcap --set sensor.dvl.gate=0.999 --out runs/with-gate
   navfuse replay dive.mcap --scenario better.toml")]
 pub struct Replay {
     /// The log, an MCAP file that navfuse wrote

@@ -23,13 +23,13 @@ const EVERY: f64 = 1.0;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse report runs/pan-wu-3d/run.mcap                     writes runs/pan-wu-3d/report.html
-  navfuse report scenarios/pan-wu-3d.toml --set seed=7       runs it first; writes the same file
+  navfuse report runs/dive/run.mcap     writes runs/dive/report.html
+  navfuse report dive.toml --set seed=7     runs it first, then writes the same
   navfuse report dive.mcap --out dive.html
 
-The page has the track, every state with its bounds of 3 sigma and the truth where it is known,
-the innovations with their gates, the accepted and rejected samples of each sensor, the calibration
-before and after, the events and the scenario. It is one file and needs no network.")]
+The page has the track, every state with its bounds of 3 sigma and the truth where it is known, \
+the innovations with their gates, the accepted and rejected samples of each sensor, the \
+calibration before and after, the events and the scenario. It is one file and needs no network.")]
 pub struct Report {
     /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
     pub of: PathBuf,

@@ -13,8 +13,8 @@ use std::process::ExitCode;
 #[command(after_help = "\
 Examples:
   navfuse run scenarios/pan-wu-3d.toml
-  navfuse run scenarios/pan-wu-3d.toml --set seed=7 --set \"sensor.dvl.noise=5 mm/s\"
-  navfuse run scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10 --out runs/T10
+  navfuse run dive.toml --set seed=7 --set \"sensor.dvl.noise=5 mm/s\"
+  navfuse run dive.toml --set source.csv.directory=/data/dive-10 --out runs/10
   navfuse run scenarios/quickstart.toml --format json | jq .states")]
 pub struct Run {
     /// The scenario, a TOML file; `-` reads standard input

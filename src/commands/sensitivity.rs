@@ -19,12 +19,11 @@ Examples:
   navfuse sensitivity runs/dive/run.mcap
   navfuse sensitivity dive.toml --format json | jq '.rows[] | select(.exceeds)'
 
-The command runs the samples again with each thing that the scenario does not
-model: a bias of a Doppler instrument of 1 cm/s, axes of the IMU of 10 arcsec,
-a deflection of the vertical of 10 arcsec, lever arms of 2 cm, a speed of sound
-off by 1 m/s. It prints the change of each state at the end beside its sigma. A
-state that would move by more than its sigma is marked: model the thing, or do
-not trust that sigma.")]
+The command runs the samples again with each thing that the scenario does not model: a bias of a \
+Doppler instrument of 1 cm/s, axes of the IMU of 10 arcsec, a deflection of the vertical of 10 \
+arcsec, lever arms of 2 cm, a speed of sound off by 1 m/s. It prints the change of each state at \
+the end beside its sigma. A state that would move by more than its sigma is marked: model the \
+thing, or do not trust that sigma.")]
 pub struct Sensitivity {
     /// The scenario, a TOML file, or the log of a run
     pub scenario: PathBuf,

@@ -13,16 +13,15 @@ use std::process::ExitCode;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse smooth scenarios/tactical.toml                     writes runs/tactical-smoothed
+  navfuse smooth scenarios/tactical.toml          writes runs/tactical-smoothed
   navfuse smooth runs/tactical/run.mcap --out runs/tactical-best
-  navfuse smooth scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10
-  navfuse smooth scenarios/auv.toml --lag \"30 s\"             while the run goes on
-  navfuse smooth scenarios/calibration.toml --passes 5       relinearised, Gauss-Newton
+  navfuse smooth scenarios/auv.toml --lag \"30 s\"  while the run goes on
+  navfuse smooth scenarios/calibration.toml --passes 5    relinearised
 
-The filter runs to the end, and a second pass goes back to the beginning. The log, the recording
-and the tables contain the smoothed estimates with their sigma, and the recording also shows the
-track of the filter. `smooth = true` in [estimator] smooths every run of a scenario. With --lag, or
-`lag` in [estimator], each estimate appears while the run goes on, once the lag has passed.")]
+The filter runs to the end, and a second pass goes back to the beginning. The log, the recording \
+and the tables contain the smoothed estimates with their sigma, and the recording also shows the \
+track of the filter. `smooth = true` in [estimator] smooths every run of a scenario. With --lag, \
+or `lag` in [estimator], each estimate appears while the run goes on, once the lag has passed.")]
 pub struct Smooth {
     /// A scenario, which is a TOML file, or a log, which is an MCAP file that navfuse wrote
     pub of: PathBuf,

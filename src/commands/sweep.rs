@@ -12,12 +12,14 @@ use std::process::ExitCode;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse sweep scenarios/pan-wu-3d.toml --vary \"sensor.dvl.noise=2 mm/s,5 mm/s,1 cm/s\" --show dvl
+  navfuse sweep scenarios/pan-wu-3d.toml --show dvl \\
+      --vary \"sensor.dvl.noise=2 mm/s,5 mm/s,1 cm/s\"
   navfuse sweep scenarios/pan-wu-3d.toml --show ins.attitude.yaw \\
       --vary \"source.simulation.start.latitude=0 deg,30 deg,60 deg\" \\
-      --vary \"sensor.imu.gyro_noise=0.01 deg/h/sqrt(Hz),0.1 deg/h/sqrt(Hz),1 deg/h/sqrt(Hz)\"
-  navfuse sweep scenarios/pan-wu-3d.toml --vary sensor.dvl.simulation.noise=1,2,3 --runs 50
-                                            a campaign of 50 runs at each point")]
+      --vary \"sensor.imu.gyro_noise=0.01 deg/h/sqrt(Hz),0.1 deg/h/sqrt(Hz)\"
+  # a campaign of 50 runs at each point
+  navfuse sweep scenarios/pan-wu-3d.toml --runs 50 \\
+      --vary sensor.dvl.simulation.noise=1,2,3")]
 pub struct Sweep {
     /// The scenario, a TOML file; its samples are simulated
     pub scenario: PathBuf,

@@ -18,11 +18,11 @@ use std::process::ExitCode;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse view runs/quickstart                 the recording of a run, by its folder
-  navfuse view runs/quickstart/run.mcap        the same; a log without a recording is converted
+  navfuse view runs/quickstart             the recording of a run, by its folder
+  navfuse view runs/quickstart/run.mcap    the same, or the log converted to one
   navfuse view runs/quickstart-compare/compare.rrd
 
-The viewer is the program `rerun`, or the one in the environment variable RERUN_BIN. A log is
+The viewer is the program `rerun`, or the one in the environment variable RERUN_BIN. A log is \
 converted by running its filter again, and the recording is kept beside it.")]
 pub struct View {
     /// A folder of a run, a log (MCAP), or a recording (RRD)
