@@ -260,7 +260,7 @@ fn completions_and_manual_pages_know_every_command() {
 fn no_example_is_wider_than_80_columns_and_no_paragraph_is_broken_by_hand() {
     let definition = navfuse::definition();
     let texts = definition.get_subcommands().chain([&definition]);
-    for text in texts.filter_map(|c| c.get_after_help()).map(ToString::to_string) {
+    for text in texts.filter_map(clap::Command::get_after_help).map(ToString::to_string) {
         let lines: Vec<&str> = text.lines().collect();
         for line in lines.iter().filter(|line| line.starts_with(' ')) {
             assert!(line.chars().count() <= 80, "{line}");
