@@ -17,7 +17,7 @@ Examples:
   navfuse import imu.csv dvl.csv depth.csv reference.csv --out dive.toml
   navfuse import imu.csv dive-7.pd0 nav.nmea
   navfuse import imu.csv --position 34.246048,108.909664,380
-  navfuse import dive/            a bag of ROS 2: its folder, or one of its files
+  navfuse import dive/      a bag of ROS 2: its folder, or one of its files
 
 Files are recognised by their content: tables with a heading for each column (CSV), solutions of \
 RTKLIB, files of Doppler velocity logs, NMEA 0183, logs of vehicles (PX4 ULog, MAVLink, NovAtel, \
