@@ -27,26 +27,25 @@ use std::process::ExitCode;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse calibrate scenarios/pan-wu-3d.toml             IO-DVLC on simulated samples
-  navfuse calibrate runs/dive/run.mcap --method all      all methods and the filter on a log
-  navfuse calibrate scenarios/calibration.toml --method all
-                                                         on one simulated run with GNSS and depth
+  navfuse calibrate scenarios/pan-wu-3d.toml       IO-DVLC on simulated samples
+  navfuse calibrate dive.mcap --method all         all methods, on a log
+  # errors against sigma over 20 seeds, with GNSS and depth
   navfuse calibrate scenarios/calibration.toml --method all --runs 20
-                                                         errors against sigma over 20 seeds
-  navfuse calibrate dive.toml --write next.toml          values and sigma, for the next dive
-  navfuse calibrate dive.toml --initialise again.toml    values alone, to filter this dive again
+  # values and sigma for the next dive; values alone, to filter this dive again
+  navfuse calibrate dive.toml --write next.toml
+  navfuse calibrate dive.toml --initialise again.toml
 
 Methods:
-  io-dvlc           Pan & Wu (2016), improved     IMU and DVL: constant attitude, and a force
-                                                  that varies in two directions
-  io-dvlc-printed   eq. (18) as printed           as above; single samples as anchors, no sigma
-  troni             Troni & Whitcomb (2010)       IMU, DVL, attitude, depth where there is one
-  troni-printed     gravity's change left out     as above
-  kinsey-2006       Kinsey & Whitcomb (2006)      DVL, attitude, position fixes; misalignment only
-  kinsey-2007       Kinsey & Whitcomb (2007)      DVL, attitude, position fixes
-  joyce             Joyce (1989)                  DVL, heading, GNSS; scale factor and yaw only
-  tang              Tang et al. (2013)            DVL, attitude, GNSS
-  ekf               the scenario's filter         all sensors of the scenario")]
+  io-dvlc          Pan & Wu (2016), improved  IMU and DVL: constant attitude,
+                                              force that varies in 2 directions
+  io-dvlc-printed  eq. (18) as printed        the same, from single samples
+  troni            Troni & Whitcomb (2010)    IMU, DVL, attitude, depth if given
+  troni-printed    gravity's change left out  the same
+  kinsey-2006      Kinsey & Whitcomb (2006)   DVL, attitude, fixes; angles alone
+  kinsey-2007      Kinsey & Whitcomb (2007)   DVL, attitude, position fixes
+  joyce            Joyce (1989)               DVL, heading, GNSS; scale and yaw
+  tang             Tang et al. (2013)         DVL, attitude, GNSS
+  ekf              the scenario's filter      all sensors of the scenario")]
 pub struct Calibrate {
     /// The scenario, a TOML file, or a log, an MCAP file that navfuse wrote
     pub source: PathBuf,
