@@ -22,7 +22,9 @@ pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};
 pub use crate::plugin::{
     OpenContext, Plugin, ProcessType, Registry, SensorType, SinkType, SourceType,
 };
-pub use crate::state::covariance::{InputSlot, NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+pub use crate::state::covariance::{
+    DenseSlot, InputSlot, NoiseSlot, PhiDiagonal, PhiSlot, Transition,
+};
 pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};

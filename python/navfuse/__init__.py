@@ -12,8 +12,10 @@ Angles are in degrees where they are shown, vectors along north, east and down, 
 right and down. Quaternions are ``[w, x, y, z]`` and turn a vector of the body into north, east, down.
 """
 
+from navfuse._campaign import Campaign, Shard, merge
 from navfuse._errors import DataError, NavfuseError, RunError, ScenarioError
 from navfuse._navfuse import __version__
+from navfuse._process import Process
 from navfuse._run import Epoch, Event, Finding, Innovations, Reason, Run, State, Verdict
 from navfuse._scenario import QUICKSTART, Check, Scenario, read_log
 from navfuse._sensor import Parameter, Sensor, States
@@ -21,6 +23,7 @@ from navfuse._session import Session
 
 __all__ = [
     "QUICKSTART",
+    "Campaign",
     "Check",
     "DataError",
     "Epoch",
@@ -29,6 +32,7 @@ __all__ = [
     "Innovations",
     "NavfuseError",
     "Parameter",
+    "Process",
     "Reason",
     "Run",
     "RunError",
@@ -36,9 +40,11 @@ __all__ = [
     "ScenarioError",
     "Sensor",
     "Session",
+    "Shard",
     "State",
     "States",
     "Verdict",
     "__version__",
+    "merge",
     "read_log",
 ]

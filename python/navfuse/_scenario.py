@@ -7,13 +7,15 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
 import numpy as np
 
 from navfuse import _navfuse, _samples
+from navfuse._campaign import Campaign
 from navfuse._errors import NavfuseError, RunError, ScenarioError
+from navfuse._process import Process
 from navfuse._run import Epoch, Run
 from navfuse._sensor import Class, Sensor
 from navfuse._show import bar
@@ -56,6 +58,15 @@ class Check:
         return f"<table>{''.join(rows)}</table>"
 
 
+@dataclass(frozen=True)
+class _Origin:
+    """What makes a scenario again in another process, beside its text."""
+
+    folder: str = "."
+    classes: tuple[Class, ...] = ()
+    settings: tuple[str, ...] = ()
+
+
 class Scenario:
     """A scenario: which sensors a vehicle has, how the filter models them, and their samples.
 
@@ -66,19 +77,34 @@ class Scenario:
     10.0
     """
 
-    def __init__(self, inner: _navfuse.Scenario) -> None:
+    def __init__(self, inner: _navfuse.Scenario, origin: _Origin | None = None) -> None:
         self._inner = inner
+        self._origin = origin or _Origin()
+
+    def _with(self, inner: _navfuse.Scenario, **changes: Any) -> Scenario:
+        return Scenario(inner, replace(self._origin, **changes))
+
+    def _with_classes(self, *classes: Class) -> Scenario:
+        inner = self._inner.with_classes(classes)
+        return self._with(inner, classes=(*self._origin.classes, *classes))
+
+    def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[object, ...]]:
+        """A scenario in another process, which reads its files from the same folder."""
+        if self._inner.in_memory:
+            raise TypeError("a scenario with samples in memory cannot be sent to another process")
+        return _rebuilt, (self.to_toml(), self._origin)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
         """The scenario in a TOML file, or in the log of a run, whose samples it then takes."""
-        return cls(_navfuse.Scenario.load(os.fspath(path)))
+        name = os.fspath(path)
+        return cls(_navfuse.Scenario.load(name), _Origin(os.path.abspath(os.path.dirname(name))))
 
     @classmethod
     def from_toml(cls, text: str, folder: str | os.PathLike[str] = ".") -> Scenario:
         """The scenario in a text; relative paths in it start at ``folder``."""
         name = os.path.join(os.fspath(folder), "scenario.toml")
-        return cls(_navfuse.Scenario.parse(name, text))
+        return cls(_navfuse.Scenario.parse(name, text), _Origin(os.path.abspath(folder)))
 
     def set(self, key: str | Mapping[str, object], value: object = None) -> Scenario:
         """The scenario with another value, or with those of a mapping.
@@ -90,7 +116,7 @@ class Scenario:
             texts = [key] if value is None else [_assignment(key, value)]
         else:
             texts = [_assignment(k, v) for k, v in key.items()]
-        return Scenario(self._inner.set(texts))
+        return self._with(self._inner.set(texts), settings=(*self._origin.settings, *texts))
 
     @property
     def name(self) -> str:
@@ -184,7 +210,7 @@ class Scenario:
         if samples is not None:
             if sensors:
                 raise TypeError("give an iterable or tables, not both")
-            return Scenario(self._inner.with_iterable(samples))
+            return self._with(self._inner.with_iterable(samples))
         inner = self._inner.without_samples()
         channels = {s["name"]: list(s["channels"]) for s in json.loads(inner.describe())["sensors"]}
         order = list(channels)  # of samples of one time, as in a recording
@@ -192,11 +218,15 @@ class Scenario:
         for sensor, data in sorted(sensors.items(), key=lambda item: known.get(item[0], -1)):
             at, headings, columns = _samples.table(data, channels.get(sensor, []))
             inner = inner.with_rows(sensor, at, headings, columns)
-        return Scenario(inner)
+        return self._with(inner)
 
     def with_sensors(self, *sensors: type[Sensor]) -> Scenario:
         """The scenario that may name further types of sensors: classes derived from :class:`Sensor`."""
-        return Scenario(self._inner.with_sensors([Class.of(sensor) for sensor in sensors]))
+        return self._with_classes(*(Class.of(sensor, Sensor) for sensor in sensors))
+
+    def with_processes(self, *processes: type[Process]) -> Scenario:
+        """The scenario that may name further types of processes: classes derived from :class:`Process`."""
+        return self._with_classes(*(Class.of(process, Process) for process in processes))
 
     def monte_carlo(
         self,
@@ -225,7 +255,25 @@ class Scenario:
         Returns:
             The report that ``navfuse monte-carlo --format json`` prints.
         """
-        return self._campaign(runs, seed, drawn, start, every, jobs, out, progress)
+        campaign = self.campaign(runs, seed=seed, drawn=drawn, start=start, every=every)
+        return self._campaign(campaign, jobs, out, progress)
+
+    def campaign(
+        self,
+        runs: int,
+        *,
+        seed: int | None = None,
+        drawn: bool = True,
+        start: float | None = None,
+        every: float | None = None,
+    ) -> Campaign:
+        """The campaign of :meth:`monte_carlo` in parts, for several processes or machines.
+
+        ``campaign.shards(8)`` are parts that Dask, Ray or ``multiprocessing`` can send;
+        :meth:`Shard.run` runs one, and :func:`navfuse.merge` merges the results.
+        """
+        request = {"runs": runs, "seed": seed, "drawn": drawn, "start": start, "every": every}
+        return Campaign(self, request | {"jobs": None, "out": None, "shard": None})
 
     def bound(self, *, every: float | None = None, progress: bool | Progress = False) -> dict[str, Any]:
         """The Cramer-Rao bound: the best that any filter or smoother of these sensors can reach.
@@ -233,22 +281,16 @@ class Scenario:
         Returns:
             The report that ``navfuse bound --format json`` prints.
         """
-        return self._campaign(0, None, True, None, every, None, None, progress)
+        return self._campaign(self.campaign(0, every=every), None, None, progress)
 
     def _campaign(
         self,
-        runs: int,
-        seed: int | None,
-        drawn: bool,
-        start: float | None,
-        every: float | None,
+        campaign: Campaign,
         jobs: int | None,
         out: str | os.PathLike[str] | None,
         progress: bool | Progress,
     ) -> dict[str, Any]:
-        folder = None if out is None else os.fspath(out)
-        request: dict[str, object] = {"runs": runs, "seed": seed, "drawn": drawn, "start": start}
-        request |= {"every": every, "jobs": jobs, "out": folder}
+        request = campaign.request | {"jobs": jobs, "out": None if out is None else os.fspath(out)}
         with _shown(progress) as show:
             return _loaded(_navfuse.campaign(self._inner, request, show))
 
@@ -293,6 +335,13 @@ class Scenario:
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name}>"
+
+
+def _rebuilt(text: str, origin: _Origin) -> Scenario:
+    scenario = Scenario.from_toml(text, origin.folder)._with_classes(*origin.classes)
+    for setting in origin.settings:  # again, since a campaign reports them
+        scenario = scenario.set(setting)
+    return scenario
 
 
 def finished(result: dict[str, Any]) -> Run:

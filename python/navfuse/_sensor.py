@@ -6,7 +6,7 @@ import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,21 +16,61 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A state of a sensor's own, such as a scale factor: one number, or up to three.
+    """A state of a class's own, such as a scale factor: one number, or up to three.
 
     Attributes:
-        initial: initial value.
-        sigma: its 1-sigma; the filter does not estimate a state whose sigma is zero.
+        initial: initial value, SI. An ``angle`` is in rad, a ``rotation`` roll, pitch and yaw in rad, a
+            ``position`` latitude and longitude in rad and height in m.
+        sigma: its 1-sigma, of a position north, east and down in m; the filter does not estimate a
+            parameter whose sigma is zero.
         truth: the value that a simulation uses, if it is to differ.
+        walk: random walk, 1-sigma after a second.
+        kind: ``vector``, ``angle``, ``rotation`` or ``position``. A rotation is a matrix where a class
+            reads it, and its error a rotation vector.
     """
 
     initial: float | Sequence[float] = 0.0
     sigma: float | Sequence[float] = 0.0
     truth: float | Sequence[float] | None = None
+    walk: float | Sequence[float] = 0.0
+    kind: Literal["vector", "angle", "rotation", "position"] = "vector"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of its value where a class reads it."""
+        count = self.count
+        return (3, 3) if self.kind == "rotation" else () if count == 1 else (count,)
+
+    @property
+    def count(self) -> int:
+        """Number of its components."""
+        return 3 if self.kind in ("rotation", "position") else int(np.size(self.initial))
+
+
+@dataclass(frozen=True)
+class Own:
+    """A parameter, as the extension module composes it."""
+
+    name: str
+    kind: str
+    initial: list[float]
+    sigma: list[float]
+    truth: list[float] | None
+    walk: list[float]
+
+    @classmethod
+    def of(cls, name: str, p: Parameter) -> Own:
+        """A parameter with as many numbers as it has components."""
+
+        def numbers(value: ArrayLike) -> list[float]:
+            return [float(x) for x in np.broadcast_to(np.asarray(value, dtype=np.float64), (p.count,))]
+
+        truth = None if p.truth is None else numbers(p.truth)
+        return cls(name, p.kind, numbers(p.initial), numbers(p.sigma), truth, numbers(p.walk))
 
 
 class States:
-    """The states that a sensor reads: ``x["ins.velocity"]``, or ``x.velocity``.
+    """The states that a class reads: ``x["ins.velocity"]``, or ``x.velocity``.
 
     A rotation is the matrix that turns a vector of the body into north, east, down, shape (3, 3): so
     ``x.attitude.T @ x.velocity`` is the velocity along the axes of the body. A position is latitude and
@@ -50,7 +90,7 @@ class States:
         for full, value in self._values.items():
             if full.rpartition(".")[2] == name:
                 return value
-        raise AttributeError(f"the sensor does not read {name!r}; it reads {', '.join(self._values)}")
+        raise AttributeError(f"the class does not read {name!r}; it reads {', '.join(self._values)}")
 
 
 class Sensor:
@@ -99,21 +139,33 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Class:
-    """A class, as the registry takes it: name, JSON Schema of its keys, and the class."""
+    """A class, as the registry takes it.
+
+    Attributes:
+        name: name of the type.
+        schema: JSON Schema of its keys.
+        channels: names and units of the channels that drive a process.
+        moves: set for a process.
+        cls: the class itself.
+    """
 
     name: str
     schema: str
-    cls: type[Sensor]
+    channels: list[tuple[str, str]]
+    moves: bool
+    cls: type[Any]
 
     @classmethod
-    def of(cls, sensor: type[Sensor]) -> Class:
-        """Checks a class of sensors."""
-        if not (isinstance(sensor, type) and issubclass(sensor, Sensor) and sensor.type):
-            raise TypeError(f"{sensor!r} is no class derived from navfuse.Sensor with a `type`")
-        keys = list(inspect.signature(sensor).parameters)
-        text = inspect.getdoc(sensor) or ""
+    def of(cls, given: type[Any], base: type[Any]) -> Class:
+        """Checks a class derived from ``Sensor`` or ``Process``."""
+        if not (isinstance(given, type) and issubclass(given, base) and given.type):
+            raise TypeError(f"{given!r} is no class derived from navfuse.{base.__name__} with a `type`")
+        moves = base is not Sensor
+        keys = [*inspect.signature(given).parameters, *(["sensor"] if moves else [])]
+        text = inspect.getdoc(given) or ""
         schema = {"type": "object", "description": text, "properties": {key: {} for key in keys}}
-        return cls(sensor.type, json.dumps(schema), sensor)
+        channels = list(given.channels.items()) if moves else []
+        return cls(given.type, json.dumps(schema), channels, moves, given)
 
 
 @dataclass(frozen=True)
@@ -122,7 +174,7 @@ class Description:
 
     channels: list[tuple[str, str]]
     reads: list[str]
-    own: list[tuple[str, list[float], list[float], list[float] | None]]
+    own: list[Own]
     covariance: list[float]
     angles: list[bool]
     bind: Callable[[list[int]], Callable[[bytes], bytes]]
@@ -137,24 +189,14 @@ def describe(sensor: type[Sensor], table: str) -> Description:
     return Description(
         channels=list(made.channels.items()),
         reads=list(made.reads),
-        own=[_own(name, parameter) for name, parameter in made.parameters.items()],
-        covariance=_covariance(made.noise, len(names)).ravel().tolist(),
+        own=[Own.of(name, parameter) for name, parameter in made.parameters.items()],
+        covariance=covariance(made.noise, len(names)).ravel().tolist(),
         angles=[name in made.angles for name in names],
         bind=lambda sizes: _call(made, sizes),
     )
 
 
-def _own(name: str, p: Parameter) -> tuple[str, list[float], list[float], list[float] | None]:
-    count = np.size(p.initial)
-    truth = None if p.truth is None else _list(p.truth, count)
-    return name, _list(p.initial, count), _list(p.sigma, count), truth
-
-
-def _list(value: ArrayLike, count: int) -> list[float]:
-    return [float(x) for x in np.broadcast_to(np.asarray(value, dtype=np.float64), (count,))]
-
-
-def _covariance(noise: ArrayLike, channels: int) -> Array:
+def covariance(noise: ArrayLike, channels: int) -> Array:
     """The covariance of a 1-sigma, of one for each channel, or of a matrix."""
     given = np.asarray(noise, dtype=np.float64)
     if given.ndim == 2:

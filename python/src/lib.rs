@@ -7,12 +7,14 @@ mod error;
 mod live;
 mod log;
 mod names;
+mod process;
 mod recorder;
 mod run;
 mod samples;
 mod scenario;
 mod sensor;
 mod session;
+mod states;
 mod tools;
 mod watch;
 
@@ -30,7 +32,7 @@ mod _navfuse {
     #[pymodule_export]
     use crate::session::Session;
     #[pymodule_export]
-    use crate::tools::{calibrate, campaign, diagnose, observability};
+    use crate::tools::{calibrate, campaign, diagnose, merge, observability};
 
     /// Runs the command with its arguments, and returns its exit code.
     #[pyfunction]

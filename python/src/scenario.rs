@@ -2,10 +2,11 @@
 
 use crate::error::exception;
 use crate::live::{Calling, Iterating};
+use crate::process;
 use crate::recorder::Recorder;
 use crate::run::result;
 use crate::samples::{self, Rows};
-use crate::sensor;
+use crate::sensor::{self, Class};
 use crate::watch::{Failure, Watch, watched};
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
@@ -25,7 +26,11 @@ use std::sync::Arc;
 fn registry(classes: &[Arc<Py<PyAny>>], failure: &Arc<Failure>) -> PyResult<Registry> {
     let mut registry = navfuse::standard_plugins();
     samples::register(&mut registry);
-    classes.iter().try_for_each(|class| sensor::register(&mut registry, class, failure))?;
+    for class in classes {
+        let class: Class = Python::attach(|py| class.extract(py))?;
+        let register = if class.moves { process::register } else { sensor::register };
+        register(&mut registry, &class, failure)?;
+    }
     registry.check().map_err(exception)?;
     Ok(registry)
 }
@@ -39,7 +44,7 @@ pub struct Scenario {
     samples: Vec<Arc<Rows>>,
     /// An iterable of samples.
     iterable: Option<Arc<Py<PyAny>>>,
-    /// Types of sensors in Python, and what went wrong in them.
+    /// Types of sensors and processes in Python, and what went wrong in them.
     classes: Vec<Arc<Py<PyAny>>>,
     pub(crate) failure: Arc<Failure>,
 }
@@ -129,8 +134,8 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The scenario that may name further types of sensors: `navfuse._sensor.Class`.
-    fn with_sensors(&self, classes: Vec<Py<PyAny>>) -> PyResult<Self> {
+    /// The scenario that may name further types of sensors and processes: `navfuse._sensor.Class`.
+    fn with_classes(&self, classes: Vec<Py<PyAny>>) -> PyResult<Self> {
         let mut scenario = self.with(self.document.clone());
         scenario.classes.extend(classes.into_iter().map(Arc::new));
         scenario.failure = Arc::default();
@@ -160,6 +165,12 @@ impl Scenario {
     #[getter]
     fn name(&self) -> PyResult<String> {
         Ok(self.composed()?.name())
+    }
+
+    /// Set if Python gives the samples.
+    #[getter]
+    fn in_memory(&self) -> bool {
+        self.iterable.is_some() || !self.samples.is_empty()
     }
 
     /// The scenario as TOML, with all values that were set.

@@ -2,18 +2,13 @@
 
 use crate::error::exception;
 use crate::samples::values;
+use crate::states::Own;
 use crate::watch::Failure;
 use navfuse_core::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde_json::Value;
 use std::sync::Arc;
-
-/// Module that makes an object of a class.
-const MODULE: &str = "navfuse._sensor";
-
-/// A state of the sensor's own: name, initial value, 1-sigma, and truth.
-type Own = (String, Vec<f64>, Vec<f64>, Option<Vec<f64>>);
 
 /// A sensor as Python describes it.
 #[derive(FromPyObject)]
@@ -31,42 +26,54 @@ struct Description {
     bind: Py<PyAny>,
 }
 
-/// A class that is a type of sensor: its name, its keys, and its description.
+/// A class that is a type of sensor or process: its name, its keys, and its description.
 #[derive(FromPyObject)]
 pub struct Class {
-    name: String,
+    pub name: String,
     /// JSON Schema of its table.
-    schema: String,
+    pub schema: String,
+    /// Names and units of the channels that drive a process; empty for a sensor.
+    pub channels: Vec<(String, String)>,
+    /// Set for a process.
+    pub moves: bool,
     /// The class itself.
-    cls: Py<PyAny>,
+    pub cls: Py<PyAny>,
 }
 
 /// Registers a class as a type of sensor.
 ///
 /// # Errors
 /// When the schema is none.
-pub fn register(
-    registry: &mut Registry,
-    class: &Py<PyAny>,
-    failure: &Arc<Failure>,
-) -> PyResult<()> {
-    let Class { name, schema, cls: class } = Python::attach(|py| class.extract(py))?;
-    let schema: Value = serde_json::from_str(&schema).map_err(exception)?;
+pub fn register(registry: &mut Registry, class: &Class, failure: &Arc<Failure>) -> PyResult<()> {
+    let schema: Value = serde_json::from_str(&class.schema).map_err(exception)?;
     let schema = schema.try_into().map_err(exception)?;
-    let failure = Arc::clone(failure);
-    registry.sensor_dyn(name, schema, move |table, composer| {
-        compose(describe(&class, table).map_err(compose_error)?, composer, &failure)
+    let (failure, cls) = (Arc::clone(failure), Python::attach(|py| class.cls.clone_ref(py)));
+    registry.sensor_dyn(class.name.as_str(), schema, move |table, composer| {
+        compose(describe(&cls, "navfuse._sensor", table).map_err(call_error)?, composer, &failure)
     });
     Ok(())
 }
 
-fn compose_error(error: PyErr) -> ComposeError {
+/// Channels of names and units.
+pub fn channels(given: &[(String, String)]) -> Vec<Channel> {
+    given.iter().map(|(name, unit)| Channel::new(name.as_str(), unit)).collect()
+}
+
+/// An exception of a class while a scenario is composed.
+pub fn call_error(error: PyErr) -> ComposeError {
     ComposeError::new("", error.to_string())
 }
 
-fn describe(class: &Py<PyAny>, table: &Value) -> PyResult<Description> {
+/// Makes an object of a class with the keys of its table, and has it described by its module.
+///
+/// # Errors
+/// The exception of the class.
+pub fn describe<T>(class: &Py<PyAny>, module: &str, table: &Value) -> PyResult<T>
+where
+    T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
+{
     Python::attach(|py| {
-        let make = py.import(MODULE)?.getattr("describe")?;
+        let make = py.import(module)?.getattr("describe")?;
         make.call1((class, table.to_string()))?.extract()
     })
 }
@@ -76,44 +83,22 @@ fn compose(
     composer: &mut Composer,
     failure: &Arc<Failure>,
 ) -> Result<(Vec<Channel>, Role), ComposeError> {
-    let Description { channels, reads, own, covariance, angles, bind } = description;
+    let Description { channels: channels_of, reads, own, covariance, angles, bind } = description;
     let mut states = Vec::with_capacity(reads.len() + own.len());
     for name in &reads {
         states.push(find(composer, name)?);
     }
-    for (name, initial, sigma, truth) in own {
-        let full = format!("{}.{name}", composer.owner());
-        add(composer, &name, initial, sigma, truth)?;
+    for own in own {
+        let full = format!("{}.{}", composer.owner(), own.name);
+        own.add(composer)?;
         states.push(find(composer, &full)?);
     }
-    let channels: Vec<Channel> =
-        channels.iter().map(|(n, u)| Channel::new(n.as_str(), u)).collect();
+    let channels = channels(&channels_of);
     let sizes: Vec<usize> = states.iter().map(Read::size).collect();
-    let call = Python::attach(|py| bind.call1(py, (sizes,))).map_err(compose_error)?;
+    let call = Python::attach(|py| bind.call1(py, (sizes,))).map_err(call_error)?;
     let failure = Arc::clone(failure);
     let role = Role::dynamic(channels.len(), Model { states, covariance, angles, call, failure });
     Ok((channels, role))
-}
-
-/// Adds a state of the sensor's own; one with a sigma of zero is fixed.
-fn add(
-    composer: &mut Composer,
-    name: &str,
-    initial: Vec<f64>,
-    sigma: Vec<f64>,
-    truth: Option<Vec<f64>>,
-) -> Result<(), ComposeError> {
-    let fixed = sigma.iter().all(|s| *s == 0.0);
-    let mode = if fixed { Mode::Fixed } else { Mode::Estimate };
-    let display = Display { unit: "", scale: 1.0, components: &[] };
-    let (count, dynamics) = (initial.len(), Dynamics::Constant);
-    let spec = BlockSpec { mode, initial, sigma, truth, dynamics, display };
-    match count {
-        1 => composer.block::<Scalar>(name, spec).map(drop),
-        2 => composer.block::<Vector<2>>(name, spec).map(drop),
-        3 => composer.block::<Vector<3>>(name, spec).map(drop),
-        _ => Err(ComposeError::new("", format!("the state {name} needs one to three components"))),
-    }
 }
 
 /// A state that the model reads.

@@ -4,7 +4,9 @@ use crate::error::exception;
 use crate::scenario::Scenario;
 use crate::watch::{Watch, watched};
 use navfuse::CalibrationAttitude;
-use navfuse_campaign::{Campaign, Extent, Folder, InitialErrors, JobCount, Options, execute};
+use navfuse_campaign::{
+    Campaign, Extent, Folder, InitialErrors, JobCount, Options, Shard, execute,
+};
 use navfuse_diagnose::diagnose as search;
 use navfuse_observability::{ObservabilityReport, TrackerSink};
 use navfuse_segments::{Gatherer, SegmentError};
@@ -41,6 +43,8 @@ pub struct Request {
     every: Option<f64>,
     jobs: Option<usize>,
     out: Option<PathBuf>,
+    /// A part of the campaign, from 1, and the number of parts.
+    shard: Option<(usize, usize)>,
 }
 
 impl Request {
@@ -60,11 +64,12 @@ pub fn campaign(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let (options, out) = (request.options(), request.out);
-    let extent = Extent { threads: threads(request.jobs), ..Extent::default() };
+    let shard = request.shard.map(|(index, count)| Shard { index, count });
+    let extent = Extent { threads: threads(request.jobs), shard, ..Extent::default() };
     let work = |watch: &Watch| {
         let (registry, document) = (&scenario.registry, &scenario.document);
         let campaign = Campaign::new(registry, document, &options)?;
-        let mut folder = Folder::create(out.as_deref(), &campaign, None)?;
+        let mut folder = Folder::create(out.as_deref(), &campaign, shard)?;
         let show = |JobCount { done, asked }| watch.done(done as f64, Some(asked as f64));
         let add = |record| folder.add(record);
         let done = execute(&campaign, registry, document, extent, &watch.stop, show, add)?;
@@ -73,6 +78,13 @@ pub fn campaign(
     let results = watched(py, progress.as_ref(), |watch| work(watch))?.map_err(exception)?;
     scenario.failure.take()?;
     json(&results.map(|results| results.report))
+}
+
+/// Merges the parts of a campaign, which are folders, into a folder.
+#[pyfunction]
+pub fn merge(py: Python<'_>, parts: Vec<PathBuf>, out: PathBuf) -> PyResult<String> {
+    let merged = py.detach(|| navfuse_campaign::merge(&parts, &out));
+    json(&merged.map_err(exception)?.report)
 }
 
 /// Calibrates the DVL by a method, with the attitude of the reference or of the gyros.

@@ -74,7 +74,7 @@ def test_the_types_hold():
 def test_the_examples_of_the_documentation_hold():
     import doctest
 
-    from navfuse import _run, _scenario
+    from navfuse import _campaign, _process, _run, _scenario, _sensor, _session
 
-    for module in (navfuse, _run, _scenario):
+    for module in (navfuse, _campaign, _process, _run, _scenario, _sensor, _session):
         assert doctest.testmod(module).failed == 0

@@ -24,10 +24,11 @@ fn the_wheel_installs_and_passes_its_tests() {
         names: "maturin, numpy and the programs that test the package",
         folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("wheel"),
         variable: None,
-        check: "import maturin, matplotlib, mypy, numpy, pandas, pyarrow, pytest",
+        check: "import distributed, maturin, matplotlib, mypy, numpy, pandas, pyarrow, pytest",
         install: &[&[
             "maturin==1.16.0",
             "mypy==2.4.1",
+            "distributed",
             "matplotlib",
             "numpy",
             "pandas",

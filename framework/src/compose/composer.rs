@@ -355,6 +355,11 @@ impl Composer {
         self.layout.block(block).tangent
     }
 
+    /// Number of error states so far.
+    pub fn tangents(&self) -> usize {
+        self.layout.tangent
+    }
+
     /// The path of a file that a parameter names; a relative path starts at the scenario's folder.
     /// `key` is the parameter.
     ///

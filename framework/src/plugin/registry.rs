@@ -2,7 +2,7 @@
 
 use crate::compose::Composer;
 use crate::compose::estimator::{Creator, EstimatorType};
-use crate::document::unknown;
+use crate::document::{Node, unknown};
 use crate::model::error::ComposeError;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
@@ -14,11 +14,13 @@ use crate::plugin::entry::{
 use crate::plugin::owned::Owned;
 use crate::plugin::plugin::Members;
 use crate::plugin::simulation_keys;
-use crate::plugin::{Plugin, PluginError, ProcessType, SensorType, SinkType, SourceType};
+use crate::plugin::{
+    BuildError, Plugin, PluginError, ProcessType, SensorType, SinkType, SourceType,
+};
 use crate::units::sample::Channel;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::Value;
-use std::any::TypeId;
+use std::any::{Any, TypeId};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -134,20 +136,46 @@ impl Registry {
             + Sync
             + 'static,
     {
-        let keys = schema.get("properties").and_then(Value::as_object);
-        let keys: Vec<String> = keys.into_iter().flat_map(|keys| keys.keys().cloned()).collect();
+        let keys = Keys::of(&schema);
         let make: ForComposer<BuiltSensor> = Box::new(move |node, composer| {
-            let table: Value = node.parse()?;
-            let given = table.as_object().into_iter().flat_map(|table| table.keys());
-            if let Some(key) = given.into_iter().find(|key| !keys.contains(key)) {
-                let known: Vec<&str> = keys.iter().map(String::as_str).collect();
-                return Err(ComposeError::new(key, unknown("key", key, &known)).at(node).into());
-            }
-            let (channels, role) = build(&table, composer).map_err(|e| e.at(node))?;
+            let (channels, role) = build(&keys.table(node)?, composer).map_err(|e| e.at(node))?;
             Ok(BuiltSensor { channels, limits: Vec::new(), role })
         });
         let make = Make::Sensor { make, input: false };
         self.insert_with(Kind::Sensor, name.into(), make, move || schema.clone());
+    }
+
+    /// Registers a type of sensor that drives processes, whose name and channels are known at run
+    /// time only. Its table has the common keys alone; [`Composer::input`] finds a `C` under the name
+    /// of the sensor.
+    pub fn input_dyn<C>(&mut self, name: impl Into<Arc<str>>, channels: Vec<Channel>, input: C)
+    where
+        C: Any + Clone + Send + Sync,
+    {
+        let schema = schemars::json_schema!({ "type": "object", "properties": {} });
+        let keys = Keys::of(&schema);
+        let make: ForComposer<BuiltSensor> = Box::new(move |node, _| {
+            keys.table(node)?;
+            let role = Role::Input(Box::new(input.clone()));
+            Ok(BuiltSensor { channels: channels.clone(), limits: Vec::new(), role })
+        });
+        let make = Make::Sensor { make, input: true };
+        self.insert_with(Kind::Sensor, name.into(), make, move || schema.clone());
+    }
+
+    /// Registers a type of process model whose name and keys are known at run time only, as
+    /// [`Self::sensor_dyn`] does for sensors. [`Transition::dense`] declares its places.
+    ///
+    /// [`Transition::dense`]: crate::state::covariance::Transition::dense
+    pub fn process_dyn<F>(&mut self, name: impl Into<Arc<str>>, schema: Schema, build: F)
+    where
+        F: Fn(&Value, &mut Composer) -> Result<BuiltProcess, ComposeError> + Send + Sync + 'static,
+    {
+        let keys = Keys::of(&schema);
+        let make: ForComposer<BuiltProcess> = Box::new(move |node, composer| {
+            Ok(build(&keys.table(node)?, composer).map_err(|e| e.at(node))?)
+        });
+        self.insert_with(Kind::Process, name.into(), Make::Process(make), move || schema.clone());
     }
 
     /// Registers a type of process model.
@@ -230,5 +258,26 @@ impl Registry {
     /// The type of that kind and name.
     pub fn get(&self, kind: Kind, name: &str) -> Option<&Entry> {
         self.entries().find(|e| e.kind == kind && *e.name == *name)
+    }
+}
+
+/// The keys of a table that a schema lists.
+struct Keys(Vec<String>);
+
+impl Keys {
+    fn of(schema: &Schema) -> Self {
+        let keys = schema.get("properties").and_then(Value::as_object);
+        Self(keys.into_iter().flat_map(|keys| keys.keys().cloned()).collect())
+    }
+
+    /// The table, unless it has another key.
+    fn table(&self, node: &Node<'_>) -> Result<Value, BuildError> {
+        let table: Value = node.parse()?;
+        let given = table.as_object().into_iter().flat_map(|table| table.keys());
+        if let Some(key) = given.into_iter().find(|key| !self.0.contains(key)) {
+            let known: Vec<&str> = self.0.iter().map(String::as_str).collect();
+            return Err(ComposeError::new(key, unknown("key", key, &known)).at(node).into());
+        }
+        Ok(table)
     }
 }

@@ -9,6 +9,7 @@ mod back;
 mod bands;
 mod chain;
 mod decay;
+mod dense;
 mod inputs;
 mod kernel;
 mod lanes;
@@ -24,6 +25,7 @@ mod update;
 mod tests;
 
 pub(crate) use back::{BackwardCorrection, BackwardStep, sandwich};
+pub use dense::DenseSlot;
 pub use inputs::InputSlot;
 pub use matrix::{Covariance, standard_deviation};
 pub(crate) use product::{Closure, Product};
