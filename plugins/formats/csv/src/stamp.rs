@@ -9,6 +9,8 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::calendar::{self, Calendar, GPS_ZERO, WEEK};
 use navfuse_core::units::time::{Span, Time};
 
+/// Nanoseconds of a day.
+const DAY: i64 = 86_400_000_000_000;
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
 /// Part of a period by which a clock may be silent around its end: a minute and a half of a day.
@@ -225,10 +227,13 @@ fn minute_of(cells: [&[u8]; 5]) -> Option<i64> {
 
 /// Nanoseconds since midnight of a text such as `08:30:00.25`.
 fn time_of_day(text: &str) -> Option<i64> {
+    // pandas writes a span as `0 days 08:30:00.25`
+    let (days, text) = text.split_once(" days ").unwrap_or(("0", text));
+    let days = days.parse::<i64>().ok().filter(|days| (0..10_000).contains(days))?;
     let mut parts = text.splitn(3, ':');
     let (hour, minute) = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
     let (second, nanos) = calendar::decimal_seconds(parts.next()?.as_bytes())?;
-    calendar::time_of_day(hour, minute, second, nanos)
+    calendar::time_of_day(hour, minute, second, nanos).map(|time| days * DAY + time)
 }
 
 /// A text of bounded length.
@@ -255,7 +260,7 @@ fn date_and_time(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> 
             (&time[..at], &time[at + 1..])
         }
     };
-    let mut parts = date.splitn(3, |b| matches!(b, b'-' | b'/' | b'.'));
+    let mut parts = date.splitn(3, |b| matches!(b, b'-' | b'/' | b'.' | b':'));
     let [a, b, c] = [parts.next()?, parts.next()?, parts.next()?];
     let in_order = match order {
         Order::YearMonthDay => [a, b, c],

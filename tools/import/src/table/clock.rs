@@ -203,7 +203,7 @@ fn order<'a>(cells: impl Iterator<Item = &'a str>) -> (&'static str, bool) {
     let mut largest = [0_u32; 2];
     let mut separator = None;
     for cell in cells {
-        let mut parts = cell.splitn(3, ['-', '/', '.']);
+        let mut parts = cell.splitn(3, ['-', '/', '.', ':']);
         separator = cell.find(['-', '/', '.']).and_then(|at| cell[at..].chars().next());
         for largest in &mut largest {
             *largest = (*largest).max(parts.next().and_then(|p| p.parse().ok()).unwrap_or(0));

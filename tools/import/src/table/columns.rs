@@ -16,9 +16,6 @@ const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
 const FIX: [&str; 9] =
     ["lat", "lon", "height", "vel_n", "vel_e", "vel_d", "h_acc", "v_acc", "s_acc"];
 const ECEF: [&str; 3] = ["x_ecef", "y_ecef", "z_ecef"];
-/// Headings that name an axis alone.
-const AXES: [[&str; 3]; 3] =
-    [["x", "y", "z"], ["forward", "right", "down"], ["forward", "left", "up"]];
 /// Headings of a column by which a row counts as valid, with its least value.
 const VALID: [(&str, f64); 10] = [
     ("fix", 1.0),
@@ -58,32 +55,52 @@ impl<'a> Table<'a> {
     /// The table of a file with this name; `questions` are about all of its sensors.
     pub fn new(layout: &'a Layout, name: &str, questions: Vec<String>) -> Self {
         let meant = |(k, heading): (usize, &String)| {
-            let mut meaning = meaning(heading)?;
+            let heading = vocabulary::from_zero(heading, &layout.headings);
+            let mut meaning = meaning(&heading)?;
             if let Some(unit) = layout.units.get(k) {
                 let si = vocabulary::si(meaning.channel);
                 meaning.unit = fitting(unit, si).or(meaning.unit);
             }
             Some((k, meaning))
         };
-        let columns = layout.headings.iter().enumerate().filter_map(meant).collect();
+        let mut columns: Vec<(usize, Meaning)> =
+            layout.headings.iter().enumerate().filter_map(meant).collect();
+        // beside lambda, phi is the latitude
+        let named = |k: usize, word: &str| vocabulary::words(&layout.headings[k]) == [word];
+        if columns.iter().any(|(k, _)| named(*k, "lambda")) {
+            let phi = columns.iter_mut().filter(|(k, _)| named(*k, "phi"));
+            phi.for_each(|(_, meaning)| meaning.channel = "lat");
+        }
         let mut table = Self { layout, columns, questions };
         table.name_axes(name);
         table
     }
 
-    /// Names columns whose headings are axes alone: after the file, such as `Gyroscope.csv`, or the
-    /// specific force beside angular rates.
+    /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
+    /// rates, or after the file, such as `Gyroscope.csv`.
     fn name_axes(&mut self, name: &str) {
-        let headings = &self.layout.headings;
-        let place = |axis: &&str| headings.iter().position(|h| h.eq_ignore_ascii_case(axis));
-        let whole = |axes: &[&str; 3]| axes.iter().all(|axis| place(axis).is_some());
-        let Some(axes) = AXES.iter().find(|axes| whole(axes)) else { return };
-        let vector = if self.has(&GYRO) && !self.has(&ACCEL) { "accel" } else { name };
-        let found = axes.iter().filter_map(|axis| {
-            let unit = |k: usize| self.layout.units.get(k);
-            let (k, meaning) = (place(axis)?, meaning(&format!("{vector} {axis}"))?);
+        let alone = self.layout.headings.iter().enumerate().filter_map(|(k, heading)| {
+            let (axis, sign, unit) = vocabulary::axis(heading)?;
+            Some((k, (axis, sign), unit.or_else(|| self.layout.units.get(k).cloned())))
+        });
+        let alone: Vec<(usize, (usize, f64), Option<String>)> = alone.collect();
+        if !(0..3).all(|axis| alone.iter().filter(|(_, (a, _), _)| *a == axis).count() == 1) {
+            return;
+        }
+        let of = |si: &str| {
+            alone.iter().all(|(.., unit)| unit.as_ref().is_some_and(|u| fitting(u, si).is_some()))
+        };
+        let vector = match () {
+            () if self.has(&GYRO) && !self.has(&ACCEL) => "accel",
+            () if of("m/s^2") => "accel",
+            () if of("m/s") => "velocity",
+            () => name,
+        };
+        let found = alone.iter().filter_map(|(k, (axis, sign), unit)| {
+            let meaning = meaning(&format!("{vector} {}", ["x", "y", "z"][*axis]))?;
             let si = vocabulary::si(meaning.channel);
-            Some((k, Meaning { unit: unit(k).and_then(|unit| fitting(unit, si)), ..meaning }))
+            let unit = unit.as_deref().and_then(|unit| fitting(unit, si));
+            Some((*k, Meaning { unit, sign: *sign, ..meaning }))
         });
         let found: Vec<(usize, Meaning)> = found.collect();
         if found.len() == 3 {
@@ -149,6 +166,9 @@ impl<'a> Table<'a> {
             sensors.push(self.other("depth", &["depth"]));
         } else {
             sensors.extend(self.pressure());
+        }
+        if sensors.is_empty() && !place {
+            sensors.extend(self.depth_by_height());
         }
         if place && self.has(&["roll", "pitch", "yaw"]) && !inertial {
             sensors.push(self.other("reference", &POSE));
@@ -274,6 +294,14 @@ impl<'a> Table<'a> {
             let (heading, usual) = (self.heading(*k), self.usual(*k, channel));
             let stated = meaning.unit.clone();
             match (&place, *channel) {
+                (Some(_), "lat" | "lon") if self.sexagesimal(channel).is_some() => {
+                    let first = self.sexagesimal(channel).map_or("", |k| self.heading(k));
+                    source.push(format!(
+                        "columns.{channel} = {{ column = {}, unit = \"deg\", \
+                         notation = \"degrees-minutes-seconds\" }}",
+                        quoted(first)
+                    ));
+                }
                 (Some(_), "lat" | "lon") if self.values(channel).iter().all(|v| v.is_nan()) => {
                     source.push(format!(
                         "columns.{channel} = {{ column = {}, unit = \"deg\", \
@@ -315,6 +343,20 @@ impl<'a> Table<'a> {
         Found { kind, sensor: Vec::new(), source, questions, velocity }
     }
 
+    /// The first of three columns with degrees, minutes and seconds of a latitude or longitude.
+    fn sexagesimal(&self, channel: &str) -> Option<usize> {
+        const PARTS: [&[&str]; 3] =
+            [&["d", "deg", "degrees"], &["m", "min", "minutes"], &["s", "sec", "seconds"]];
+        let part = |k: usize, part: &[&str]| {
+            let mut words = vocabulary::words(self.layout.headings.get(k)?);
+            let last = words.pop()?;
+            let of = meaning(&words.join("_")).is_some_and(|m| m.channel == channel);
+            (of && part.contains(&last.as_str())).then_some(())
+        };
+        let all = |k: &usize| (0..3).all(|i| part(k + i, PARTS[i]).is_some());
+        (0..self.layout.headings.len()).find(all)
+    }
+
     /// A depth by the pressure of water; `None` for a pressure of air, and without one.
     fn pressure(&self) -> Option<Found> {
         let (k, meaning) = self.find("pressure")?;
@@ -328,6 +370,20 @@ impl<'a> Table<'a> {
         if meaning.unit.is_none() {
             questions.push(format!("the unit of {heading}: {unit} by its size"));
         }
+        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+    }
+
+    /// A depth in a table with one height alone: `z`, or a height below zero.
+    fn depth_by_height(&self) -> Option<Found> {
+        let alone = self.layout.headings.iter().filter_map(|h| vocabulary::axis(h)).count() < 2;
+        let below = |values: &[f64]| values.iter().all(|v| !v.is_finite() || *v < 1.0);
+        let named = |word: &str| {
+            self.find(word).filter(|(k, m)| m.channel == "z" || below(&self.layout.column(*k)))
+        };
+        let (k, meaning) = named("z").filter(|_| alone).or_else(|| named("height"))?;
+        let (mut questions, heading) = (Vec::new(), self.heading(*k));
+        questions.push(format!("the column {heading} is taken for the depth"));
+        let key = self.key(meaning.channel, "depth", None, &mut questions)?;
         Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
     }
 

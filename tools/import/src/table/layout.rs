@@ -6,6 +6,8 @@ use std::collections::HashMap;
 
 /// Largest number of lines by which the layout is found.
 const LINES: usize = 4000;
+/// Longest date, or time of the day.
+const LONGEST_STAMP: usize = 18;
 /// Words for a missing number.
 const ABSENT: [&str; 5] = ["", "na", "n/a", "null", "none"];
 /// Separators and decimal commas, in the order in which they are tried.
@@ -39,6 +41,8 @@ pub struct Layout {
     pub units: Vec<String>,
     /// Cells that a row must have, by the index of their columns.
     pub kind: Vec<(usize, String)>,
+    /// Number of lines before the first row.
+    before: usize,
     /// Cells of the first rows.
     pub rows: Vec<Vec<String>>,
 }
@@ -67,10 +71,17 @@ fn is_number(cell: &str) -> bool {
     cell.parse::<f64>().is_ok()
 }
 
-/// Cells with numbers, if at least half of the cells that are not empty are numbers.
+/// Tests whether a cell looks like a date or a time of the day.
+fn is_stamp(cell: &str) -> bool {
+    let part = |c: char| c.is_ascii_digit() || [':', '/', '-', '.'].contains(&c);
+    let short = cell.len() <= LONGEST_STAMP && cell.matches('.').count() <= 2;
+    short && cell.starts_with(|c: char| c.is_ascii_digit()) && cell.chars().all(part)
+}
+
+/// Cells with numbers or stamps, if at least half of the cells that are not empty are numbers.
 fn numbers(cells: &[String]) -> Option<usize> {
     let absent = |c: &&String| ABSENT.contains(&c.to_ascii_lowercase().as_str());
-    let numbers = cells.iter().filter(|c| is_number(c)).count();
+    let numbers = cells.iter().filter(|c| is_number(c) || is_stamp(c)).count();
     let words = cells.len() - numbers - cells.iter().filter(absent).count();
     (cells.len() > 1 && numbers > 0 && words <= numbers).then_some(numbers)
 }
@@ -122,7 +133,10 @@ impl Layout {
         let forms = [form(false), form(true)];
         let last = forms[0].len().saturating_sub(1).max(1);
         let mut best = (0.0, 0, None, false);
-        for (delimiter, comma) in FORMS {
+        // cells between tabs may be empty, and are no cells between spaces
+        let tabs = forms[0].iter().filter(|line| line.contains("\t\t")).count();
+        let joined = 2 * tabs < forms[0].len();
+        for (delimiter, comma) in FORMS.into_iter().filter(|(d, _)| d.is_some() || joined) {
             let rows: Vec<&str> = forms[usize::from(comma)][..last]
                 .iter()
                 .copied()
@@ -142,7 +156,7 @@ impl Layout {
         };
         let first = lines.iter().position(|line| row(line).is_some())?;
         let rows: Vec<Vec<String>> = lines.iter().filter_map(row).collect();
-        let mut layout = Self { delimiter, decimal_comma, rows, ..Self::default() };
+        let mut layout = Self { delimiter, decimal_comma, rows, before: first, ..Self::default() };
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
@@ -202,6 +216,11 @@ impl Layout {
         } else {
             self.skip = if self.given { before.len() } else { place };
         }
+    }
+
+    /// The same rows below other headings.
+    pub fn renamed(&self, headings: Vec<String>) -> Self {
+        Self { headings, given: true, skip: self.before, units: Vec::new(), ..self.clone() }
     }
 
     fn mark(&mut self, comment: char) {

@@ -55,7 +55,15 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
         layout.given = true;
         return Table::new(&layout, name, vec![question]).sensors();
     }
-    Table::new(&layout, name, Vec::new()).sensors()
+    Table::new(&layout, name, Vec::new()).sensors().or_else(|why| by_content(&layout).ok_or(why))
+}
+
+/// The inertial unit of a table whose headings mean nothing, by the content of its columns.
+fn by_content(layout: &Layout) -> Option<Vec<Found>> {
+    let (headings, question) = content::headings(layout)?;
+    let inertial = ["accel_x", "dvel_x"].iter().any(|name| headings.iter().any(|h| h == name));
+    let layout = layout.renamed(headings);
+    inertial.then(|| Table::new(&layout, "", vec![question]).sensors().ok())?
 }
 
 #[cfg(test)]

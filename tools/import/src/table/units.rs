@@ -12,6 +12,8 @@ use std::ops::RangeInclusive;
 const GRAVITY: f64 = 9.806_65;
 /// Range of a median norm, in units of gravity, that is gravity.
 const NEAR: RangeInclusive<f64> = 0.8..=1.25;
+/// Scatter of a norm, as a part of it, that is no gravity.
+const LOOSE: f64 = 0.5;
 /// Radians of a degree.
 const DEGREE: f64 = PI / 180.0;
 /// Rates beyond this are no rad/s of a vehicle: 2000 deg/s, the range of common gyros.
@@ -124,7 +126,8 @@ pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), Stri
         ("cm/s^2", 100.0 * GRAVITY, false),
     ];
     let found = candidates.iter().find(|(_, gravity, _)| NEAR.contains(&(middle / gravity)));
-    let Some((unit, _, increments)) = found else {
+    let scatter = median(forces.iter().map(|f| (norm(*f) - middle).abs())) / middle;
+    let Some((unit, _, increments)) = found.filter(|_| scatter < LOOSE) else {
         let cause = match middle {
             m if m < 0.3 * GRAVITY => "is gravity removed from them? The filter needs it",
             m if m > 500.0 => "are they raw counts? The scale of the sensor is needed",

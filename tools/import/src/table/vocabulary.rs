@@ -12,7 +12,7 @@ pub struct Meaning {
     pub channel: &'static str,
     /// Unit in the heading, as a unit expression.
     pub unit: Option<String>,
-    /// -1 for an axis that points the other way.
+    /// -1 for an axis that points the other way, 2 for half of an angle.
     pub sign: f64,
     /// Place among the words for the channel: the first is the best.
     pub rank: usize,
@@ -64,6 +64,8 @@ pub fn expression(text: &str) -> Option<String> {
         "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
         "meter" | "meters" | "metres" => Some("m"),
         "kpa" => Some("kPa"),
+        "psig" | "psia" => Some("psi"),
+        "barg" | "bara" => Some("bar"),
         "hpa" | "mbar" | "mbars" => Some("hPa"),
         "ft" | "feet" | "foot" => Some("ft"),
         _ => None,
@@ -93,20 +95,45 @@ pub fn si(channel: &str) -> &'static str {
     vector.map(|v| v.1).or_else(scalar).unwrap_or_default()
 }
 
-/// The channel of words without a unit, and its sign and rank.
-fn channel(words: &[String]) -> Option<(&'static str, f64, usize)> {
+/// Words for increments of the attitude as a quaternion.
+const QUATERNIONS: [&str; 2] = ["dq", "oriinc"];
+/// Increments, and the rates that they are where their unit is one of a rate.
+const RATES: [(&str, &str); 6] = [
+    ("dtheta_x", "gyro_x"),
+    ("dtheta_y", "gyro_y"),
+    ("dtheta_z", "gyro_z"),
+    ("dvel_x", "accel_x"),
+    ("dvel_y", "accel_y"),
+    ("dvel_z", "accel_z"),
+];
+
+/// The channel that has this unit: itself, or the rate of an increment. `None` for a unit of another
+/// quantity.
+fn of_unit(channel: &'static str, unit: Option<&str>) -> Option<&'static str> {
+    let Some(unit) = unit.filter(|unit| expression(unit).is_some()) else { return Some(channel) };
+    let fits = |channel: &str| si(channel).is_empty() || fitting(unit, si(channel)).is_some();
+    let rate = || RATES.iter().find(|(of, rate)| *of == channel && fits(rate)).map(|(_, r)| *r);
+    if fits(channel) { Some(channel) } else { rate() }
+}
+
+/// The channel of words beside a unit, and its sign and rank.
+fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, usize)> {
     let plain = words.concat();
     let kept: Vec<&str> = words.iter().map(String::as_str).filter(|w| !NOISE.contains(w)).collect();
     let joined = kept.concat();
     let number = |text: &str| {
         SCALARS.iter().find_map(|(name, _, sign, words)| {
-            Some((*name, *sign, words.iter().position(|w| *w == text)?))
+            let rank = words.iter().position(|w| *w == text)?;
+            Some((of_unit(name, unit)?, *sign, rank))
         })
     };
     let vector = |text: &str, axis: &str| {
         let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == axis)?;
         VECTORS.iter().find_map(|(names, _, words)| {
-            Some((names[*axis], *sign, words.iter().position(|w| *w == text)?))
+            let rank = words.iter().position(|w| *w == text)?;
+            // the vector of a quaternion has half of the angle
+            let sign = if QUATERNIONS.contains(&text) { 2.0 * sign } else { *sign };
+            Some((of_unit(names[*axis], unit)?, sign, rank))
         })
     };
     let split = |text: &str| -> Option<(&'static str, f64, usize)> {
@@ -134,6 +161,8 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
         (!index).then(|| (format!("{name} {after}"), inner.to_owned()))
     };
     let (name, stated) = match bracket('[', ']').or_else(|| bracket('(', ')')) {
+        // the time of a week, in weeks and in their seconds
+        Some((_, unit)) if unit.to_lowercase().ends_with("week") => (unit, None),
         Some((name, unit)) => (name, Some(unit)),
         None => (heading.to_owned(), None),
     };
@@ -150,10 +179,36 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
     })
 }
 
+/// The axis that a heading names alone, its sign, and the unit in its brackets.
+pub fn axis(heading: &str) -> Option<(usize, f64, Option<String>)> {
+    let (name, unit) = heading.split_once(['[', '(']).unwrap_or((heading, ""));
+    let words = words(name).concat();
+    let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == words)?;
+    let named = words.parse::<usize>().is_err();
+    named.then(|| (*axis, *sign, expression(unit.trim_end_matches([']', ')', ' ']))))
+}
+
+/// A heading whose axes count from 1 to 3, as `dv[1]`, with those from 0 to 2.
+pub fn from_zero(heading: &str, all: &[String]) -> String {
+    let index = |c: char| c.is_ascii_digit();
+    let Some((at, digit)) = heading.char_indices().rev().find(|(_, c)| index(*c)) else {
+        return heading.to_owned();
+    };
+    let (stem, rest) = (&heading[..at], &heading[at + 1..]);
+    let has = |digit: char| all.iter().any(|h| *h == format!("{stem}{digit}{rest}"));
+    let counts = has('1') && has('2') && has('3') && !has('0') && !has('4');
+    match digit {
+        '1'..='3' if counts && !stem.ends_with(index) => {
+            format!("{stem}{}{rest}", char::from(digit as u8 - 1))
+        }
+        _ => heading.to_owned(),
+    }
+}
+
 /// The meaning of words with a unit in brackets, or with one at their end.
 fn read(words: &[String], stated: Option<&str>) -> Option<Meaning> {
     let found = |words: &[String], unit: Option<&str>| {
-        let (channel, sign, rank) = channel(words)?;
+        let (channel, sign, rank) = channel(words, unit)?;
         let unit = unit.and_then(|unit| fitting(unit, si(channel)));
         Some(Meaning { channel, unit, sign, rank })
     };

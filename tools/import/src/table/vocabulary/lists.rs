@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 39] = [
+pub const NOISE: [&str; 42] = [
     "field",
     "msg",
     "header",
@@ -39,6 +39,9 @@ pub const NOISE: [&str; 39] = [
     "unix",
     "scaled",
     "ln",
+    "location",
+    "btm",
+    "twist",
     // degrees of 1e-7, which the range of the numbers shows
     "e7",
     "1e7",
@@ -109,6 +112,9 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
             "w",
             "g",
             "om",
+            "drehrate",
+            "winkelgeschwindigkeit",
+            "vitesseangulaire",
         ],
     ),
     (
@@ -127,19 +133,50 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
             "a",
             "f",
             "alpha",
+            "gf",
+            "gforce",
+            "beschleunigung",
+            "aceleracion",
         ],
     ),
-    (["dtheta_x", "dtheta_y", "dtheta_z"], "rad", &["dtheta", "deltatheta", "deltaangle", "dang"]),
-    (["dvel_x", "dvel_y", "dvel_z"], "m/s", &["dvel", "deltavelocity", "deltavel", "deltav", "dv"]),
+    (
+        ["dtheta_x", "dtheta_y", "dtheta_z"],
+        "rad",
+        &["dtheta", "deltatheta", "deltaangle", "dang", "dq", "oriinc"],
+    ),
+    (
+        ["dvel_x", "dvel_y", "dvel_z"],
+        "m/s",
+        &["dvel", "deltavelocity", "deltavel", "deltav", "dv", "velinc"],
+    ),
     (
         ["vel_x", "vel_y", "vel_z"],
         "m/s",
-        &["vel", "velocity", "v", "bottomvelocity", "dvl", "dvlvel"],
+        &[
+            "vel",
+            "velocity",
+            "v",
+            "bottomvelocity",
+            "dvl",
+            "dvlvel",
+            "bottomv",
+            "bottomtrack",
+            "velbt",
+            "btvel",
+            "vbt",
+            "bt",
+            "speed",
+            "linear",
+            "dvlv",
+            "dvlvelocity",
+            "bottomvel",
+            "doppler",
+        ],
     ),
 ];
 
 /// Words for the axes of a vector, with the sign towards forward, right, down.
-pub const AXES: [(&str, usize, f64); 15] = [
+pub const AXES: [(&str, usize, f64); 18] = [
     ("x", 0, 1.0),
     ("y", 1, 1.0),
     ("z", 2, 1.0),
@@ -152,18 +189,36 @@ pub const AXES: [(&str, usize, f64); 15] = [
     ("right", 1, 1.0),
     ("rgt", 1, 1.0),
     ("left", 1, -1.0),
+    ("starboard", 1, 1.0),
+    ("stbd", 1, 1.0),
+    ("port", 1, -1.0),
     ("down", 2, 1.0),
     ("dwn", 2, 1.0),
     ("up", 2, -1.0),
 ];
 
 /// Words for a number: its channel, its SI unit, and the sign.
-pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
+pub const SCALARS: [(&str, &str, f64, &[&str]); 30] = [
     ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
     ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
     ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
-    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "breite"]),
-    ("lon", "rad", 1.0, &["lon", "lng", "long", "longitude", "longitudedegrees"]),
+    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "breite", "breitengrad"]),
+    (
+        "lon",
+        "rad",
+        1.0,
+        &[
+            "lon",
+            "lng",
+            "long",
+            "longitude",
+            "longitudedegrees",
+            "länge",
+            "laenge",
+            "längengrad",
+            "lambda",
+        ],
+    ),
     (
         "height",
         "m",
@@ -182,8 +237,13 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
             "h",
             "heightmsl",
             "altmsl",
+            "altitudemsl",
             "hell",
             "altitudemeters",
+            "höhe",
+            "hoehe",
+            "elevation",
+            "ele",
         ],
     ),
     (
@@ -216,7 +276,13 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
     ("roll", "rad", 1.0, &["roll", "phi"]),
     ("pitch", "rad", 1.0, &["pitch"]),
     ("yaw", "rad", 1.0, &["yaw", "heading", "azimuth", "psi", "hdg"]),
-    ("depth", "m", 1.0, &["depth", "tiefe"]),
+    ("depth", "m", 1.0, &["depth", "tiefe", "profondeur", "immersion", "depthofsensor"]),
+    // heights alone, of which a table under water makes a depth
+    ("z", "m", 1.0, &["z", "posz", "positionz", "zpos"]),
+    // velocities along the axes of the vehicle
+    ("vel_x", "m/s", 1.0, &["surge", "u", "surgevelocity", "surgespeed", "dvlu", "velu", "ubody"]),
+    ("vel_y", "m/s", 1.0, &["sway", "v", "swayvelocity", "swayspeed", "dvlv", "velv", "vbody"]),
+    ("vel_z", "m/s", 1.0, &["heave", "w", "heavevelocity", "heavespeed", "dvlw", "velw", "wbody"]),
     (
         "speed",
         "m/s",
@@ -230,13 +296,25 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
             "sog",
             "spd",
             "velocity",
+            "hzspeed",
+            "geschwindigkeit",
+            "vitesse",
         ],
     ),
     (
         "course",
         "rad",
         1.0,
-        &["course", "cog", "courseoverground", "groundcourse", "gcrs", "bearing", "direction"],
+        &[
+            "course",
+            "cog",
+            "courseoverground",
+            "groundcourse",
+            "gcrs",
+            "bearing",
+            "direction",
+            "kurs",
+        ],
     ),
     (
         "pressure",
@@ -250,6 +328,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
             "pressureabs",
             "pressabs",
             "druck",
+            "p",
         ],
     ),
     ("x_ecef", "m", 1.0, &["ecefx", "xecef", "posecefx", "ecefpositionx"]),
@@ -302,12 +381,16 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 26] = [
             "micros",
             "timeboot",
             "zeit",
+            "temps",
+            "tiempo",
+            "offsettime",
+            "relativetime",
             "zeitstempel",
             "uhrzeit",
             "elapsedrealtimenanos",
             "utctimemillis",
         ],
     ),
-    ("date", "", 1.0, &["date", "datum"]),
-    ("week", "", 1.0, &["week", "gpsweek", "gwk"]),
+    ("date", "", 1.0, &["date", "datum", "utcdate", "gpsdate", "dateutc", "localdate"]),
+    ("week", "", 1.0, &["week", "gpsweek", "gwk", "wn", "wnc", "weeknumber", "gpsweeknumber"]),
 ];
