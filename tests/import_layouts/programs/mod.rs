@@ -1,6 +1,7 @@
 //! The files of programs and data sets that a stranger brings, each a kind of its own.
 
 mod folders;
+mod labels;
 mod positions;
 mod senses;
 mod times;
@@ -177,4 +178,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&times::PROGRAMS)
         .chain(&positions::PROGRAMS)
         .chain(&senses::PROGRAMS)
+        .chain(&labels::PROGRAMS)
 }

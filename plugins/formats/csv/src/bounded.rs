@@ -3,6 +3,7 @@
 //! fill the memory with one row.
 
 use crate::folder::{Folder, is_folder};
+use crate::labelled::Labelled;
 use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
@@ -17,7 +18,7 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
 /// The form of the text of a file. The default changes nothing.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Form {
     /// Any number of spaces and tabs becomes one space, and none at the ends of a line.
     pub joined: bool,
@@ -25,6 +26,8 @@ pub struct Form {
     pub decimal_comma: bool,
     /// Number of lines at the beginning that become comments, by this character.
     pub skipped: (u64, u8),
+    /// Headings of rows that name their values.
+    pub labels: Option<Vec<String>>,
 }
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
@@ -84,6 +87,12 @@ impl Bounded {
         form: Form,
     ) -> io::Result<Self> {
         let (file, decoded) = in_utf8(Box::new(bytes))?;
+        let labels = form.labels.clone();
+        let changed = changed || decoded || form.joined || labels.is_some();
+        let file = match labels {
+            Some(headings) => Box::new(Labelled::new(file, headings)),
+            None => file,
+        };
         Ok(Self {
             file,
             buffer,
@@ -91,7 +100,7 @@ impl Bounded {
             form,
             spaces: Spaces::default(),
             line_begins: true,
-            changed: changed || decoded || form.joined,
+            changed,
             given: 0,
             last: b'\n',
         })

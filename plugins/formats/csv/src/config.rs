@@ -53,6 +53,10 @@ pub struct FileConfig {
     pub skip: u64,
     /// Headings of the columns, for a file without a line of headings. Default: the first line.
     pub headings: Option<Vec<String>>,
+    /// Set if each row names its values: objects of JSON, one after another or in an array, and lines
+    /// such as `t=0.01 gx: 0.2`. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
+    /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
+    pub labels: bool,
     /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
     pub decimal: Decimal,
     /// Texts of the cells that a row must have, by heading, in a file with rows of several kinds:
@@ -79,6 +83,7 @@ impl Default for FileConfig {
             comment: '#',
             skip: 0,
             headings: None,
+            labels: false,
             decimal: Decimal::default(),
             rows: BTreeMap::new(),
             valid: None,

@@ -6,7 +6,7 @@
 //! or `time_ns`; it is exact to the nanosecond. An empty cell is a missing channel. A row in which
 //! all channels of a sensor are missing is not a sample of that sensor, so that several sensors can
 //! share a file. Lines that start with `#` are comments. Dates, weeks of GPS, other separators,
-//! decimal commas, files without headings, files of UTF-16, and files that gzip or zstd packed are
+//! decimal commas, files without headings, JSON, files of UTF-16, and files that gzip or zstd packed are
 //! read, too: see [`config::FileConfig`].
 //!
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
@@ -20,6 +20,7 @@ mod counter;
 mod folder;
 mod headings;
 mod join;
+mod labelled;
 pub mod sink;
 mod source;
 mod stamp;
@@ -34,6 +35,7 @@ pub use bounded::beginning;
 pub use columns::{Axes, EstimateColumns, ending};
 pub use config::Csv;
 pub use folder::is_folder;
+pub use labelled::records;
 pub use sink::CsvSink;
 pub use table::Table;
 

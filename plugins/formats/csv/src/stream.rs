@@ -112,7 +112,12 @@ impl Stream {
             joined: config.delimiter == Delimiter::Whitespace,
             decimal_comma: config.decimal == Decimal::Comma,
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
+            labels: config.labels.then(|| config.headings.clone()).flatten(),
         };
+        if config.labels && config.headings.is_none() {
+            let text = format!("files.{name}.labels needs the names of the values: set headings");
+            return Err(StreamError::scenario(text));
+        }
         let bytes = Bounded::open(path, BUFFER, form).map_err(|e| {
             StreamError::open(absolute(path), e)
                 .of_sensor(name)

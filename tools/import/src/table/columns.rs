@@ -76,38 +76,6 @@ impl<'a> Table<'a> {
         table
     }
 
-    /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
-    /// rates, or after the file, such as `Gyroscope.csv`.
-    fn name_axes(&mut self, name: &str) {
-        let alone = self.layout.headings.iter().enumerate().filter_map(|(k, heading)| {
-            let (axis, sign, unit) = vocabulary::axis(heading)?;
-            Some((k, (axis, sign), unit.or_else(|| self.layout.units.get(k).cloned())))
-        });
-        let alone: Vec<(usize, (usize, f64), Option<String>)> = alone.collect();
-        if !(0..3).all(|axis| alone.iter().filter(|(_, (a, _), _)| *a == axis).count() == 1) {
-            return;
-        }
-        let of = |si: &str| {
-            alone.iter().all(|(.., unit)| unit.as_ref().is_some_and(|u| fitting(u, si).is_some()))
-        };
-        let vector = match () {
-            () if self.has(&GYRO) && !self.has(&ACCEL) => "accel",
-            () if of("m/s^2") => "accel",
-            () if of("m/s") => "velocity",
-            () => name,
-        };
-        let found = alone.iter().filter_map(|(k, (axis, sign), unit)| {
-            let meaning = meaning(&format!("{vector} {}", ["x", "y", "z"][*axis]))?;
-            let si = vocabulary::si(meaning.channel);
-            let unit = unit.as_deref().and_then(|unit| fitting(unit, si));
-            Some((*k, Meaning { unit, sign: *sign, ..meaning }))
-        });
-        let found: Vec<(usize, Meaning)> = found.collect();
-        if found.len() == 3 {
-            self.columns.extend(found);
-        }
-    }
-
     /// The headings, for a message.
     pub(super) fn listed(&self) -> String {
         let list: Vec<&str> = self.layout.headings.iter().take(20).map(String::as_str).collect();
@@ -343,20 +311,6 @@ impl<'a> Table<'a> {
         Found { kind, sensor: Vec::new(), source, questions, velocity }
     }
 
-    /// The first of three columns with degrees, minutes and seconds of a latitude or longitude.
-    fn sexagesimal(&self, channel: &str) -> Option<usize> {
-        const PARTS: [&[&str]; 3] =
-            [&["d", "deg", "degrees"], &["m", "min", "minutes"], &["s", "sec", "seconds"]];
-        let part = |k: usize, part: &[&str]| {
-            let mut words = vocabulary::words(self.layout.headings.get(k)?);
-            let last = words.pop()?;
-            let of = meaning(&words.join("_")).is_some_and(|m| m.channel == channel);
-            (of && part.contains(&last.as_str())).then_some(())
-        };
-        let all = |k: &usize| (0..3).all(|i| part(k + i, PARTS[i]).is_some());
-        (0..self.layout.headings.len()).find(all)
-    }
-
     /// A depth by the pressure of water; `None` for a pressure of air, and without one.
     fn pressure(&self) -> Option<Found> {
         let (k, meaning) = self.find("pressure")?;
@@ -370,20 +324,6 @@ impl<'a> Table<'a> {
         if meaning.unit.is_none() {
             questions.push(format!("the unit of {heading}: {unit} by its size"));
         }
-        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
-    }
-
-    /// A depth in a table with one height alone: `z`, or a height below zero.
-    fn depth_by_height(&self) -> Option<Found> {
-        let alone = self.layout.headings.iter().filter_map(|h| vocabulary::axis(h)).count() < 2;
-        let below = |values: &[f64]| values.iter().all(|v| !v.is_finite() || *v < 1.0);
-        let named = |word: &str| {
-            self.find(word).filter(|(k, m)| m.channel == "z" || below(&self.layout.column(*k)))
-        };
-        let (k, meaning) = named("z").filter(|_| alone).or_else(|| named("height"))?;
-        let (mut questions, heading) = (Vec::new(), self.heading(*k));
-        questions.push(format!("the column {heading} is taken for the depth"));
-        let key = self.key(meaning.channel, "depth", None, &mut questions)?;
         Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
     }
 

@@ -33,6 +33,8 @@ pub struct Layout {
     comment: Option<char>,
     /// Lines at the beginning that are no part of the table.
     pub skip: usize,
+    /// Set if the rows name their values.
+    labels: bool,
     /// Set if the source must be given the headings.
     pub given: bool,
     /// Headings, empty for a table without.
@@ -218,6 +220,15 @@ impl Layout {
         }
     }
 
+    /// Rows that name their values.
+    pub fn labelled(
+        headings: Vec<String>,
+        rows: Vec<Vec<String>>,
+        kind: Vec<(usize, String)>,
+    ) -> Self {
+        Self { labels: true, given: true, headings, rows, kind, ..Self::default() }
+    }
+
     /// The same rows below other headings.
     pub fn renamed(&self, headings: Vec<String>) -> Self {
         Self { headings, given: true, skip: self.before, units: Vec::new(), ..self.clone() }
@@ -233,6 +244,7 @@ impl Layout {
     pub fn keys(&self) -> Vec<String> {
         let mut keys = Vec::new();
         match self.delimiter {
+            _ if self.labels => keys.push("labels = true".to_owned()),
             Some(',') => {}
             Some(c) => keys.push(format!("delimiter = {}", quoted(&c.to_string()))),
             None => keys.push("delimiter = \"whitespace\"".to_owned()),

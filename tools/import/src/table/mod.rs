@@ -3,11 +3,13 @@
 //! [`layout`] finds the rows, [`vocabulary`] the meaning of a heading, [`content`] the columns of a
 //! table without headings, and [`units`] the units that the numbers show.
 
+mod alone;
 mod clock;
 mod columns;
 mod content;
 mod imu;
 mod kinds;
+mod labelled;
 mod layout;
 mod oxts;
 mod plain;
@@ -30,6 +32,9 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     }
     if let Some(found) = rtklib::solution(beginning) {
         return Ok(vec![found]);
+    }
+    if let Some(found) = labelled::sensors(beginning, name) {
+        return found;
     }
     let several = kinds::sensors(beginning);
     if !several.is_empty() {

@@ -148,7 +148,7 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
                     .find_map(|(axis, stem)| vector(stem, axis))
             })
     };
-    number(&plain).or_else(|| number(&joined)).or_else(|| split(&joined)).or_else(|| split(&plain))
+    number(&plain).or_else(|| number(&joined)).or_else(|| split(&plain)).or_else(|| split(&joined))
 }
 
 /// The meaning of a heading.

@@ -89,7 +89,7 @@ pub const FOLLOWING: [&str; 18] = [
 pub const BEHIND: usize = 100;
 
 /// Words for a vector: its three channels and their SI unit.
-pub const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
+pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
     (
         ["gyro_x", "gyro_y", "gyro_z"],
         "rad/s",
@@ -127,6 +127,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
             "accelerometer",
             "acceleration",
             "linearacceleration",
+            "linearaccel",
             "linacc",
             "specificforce",
             "force",
@@ -149,6 +150,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
         "m/s",
         &["dvel", "deltavelocity", "deltavel", "deltav", "dv", "velinc"],
     ),
+    (["vel_n", "vel_e", "vel_d"], "m/s", &["velned", "velocityned", "vned"]),
     (
         ["vel_x", "vel_y", "vel_z"],
         "m/s",
@@ -352,6 +354,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 30] = [
             "secondselapsed",
             "timeelapsed",
             "timeus",
+            "utime",
             "timestartup",
             "timegps",
             "gpstime",

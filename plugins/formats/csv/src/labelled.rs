@@ -1,0 +1,305 @@
+//! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
+//! array, and lines such as `t=0.01 gx: 0.2`.
+
+use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
+
+/// Largest length of a record, in bytes.
+const LONGEST: usize = 1 << 20;
+/// Deepest nesting of an object.
+const DEEPEST: usize = 32;
+/// Headings of a line's beginning: its date or time, and the kind of its record.
+const STAMP: &str = "stamp";
+const KIND: &str = "kind";
+
+/// A container of JSON: the length of its path, the next index of an array, and whether an object has
+/// a key that waits for its value.
+struct Level {
+    base: usize,
+    index: Option<usize>,
+    keyed: bool,
+}
+
+/// Calls `found` with the path and the text of each value of an object.
+fn object(text: &str, mut found: impl FnMut(&str, &str)) {
+    let (mut path, mut levels, mut rest) = (String::new(), Vec::<Level>::new(), text);
+    while let Some(first) = rest.chars().next() {
+        match first {
+            '}' | ']' => {
+                levels.pop();
+                if let Some(level) = levels.last_mut() {
+                    level.keyed = false;
+                }
+                rest = &rest[1..];
+                continue;
+            }
+            ',' | ':' => {
+                rest = &rest[1..];
+                continue;
+            }
+            c if c.is_whitespace() => {
+                rest = &rest[c.len_utf8()..];
+                continue;
+            }
+            _ => {}
+        }
+        if let Some(level) = levels.last_mut().filter(|l| l.index.is_some() || l.keyed) {
+            level.keyed = false;
+            if let Some(index) = &mut level.index {
+                path.truncate(level.base);
+                join(&mut path, &index.to_string());
+                *index += 1;
+            }
+        } else if first == '"'
+            && let Some(level) = levels.last_mut()
+        {
+            let (key, after) = string(rest);
+            path.truncate(level.base);
+            join(&mut path, key);
+            level.keyed = true;
+            rest = after;
+            continue;
+        }
+        match first {
+            '{' | '[' if levels.len() < DEEPEST => {
+                let index = (first == '[').then_some(0);
+                levels.push(Level { base: path.len(), index, keyed: false });
+                rest = &rest[1..];
+            }
+            '"' => {
+                let (value, after) = string(rest);
+                found(&path, value);
+                rest = after;
+            }
+            _ => {
+                let end = |c: char| c.is_whitespace() || [',', '}', ']'].contains(&c);
+                let at = rest.find(end).unwrap_or(rest.len()).max(first.len_utf8());
+                found(&path, if &rest[..at] == "null" { "" } else { &rest[..at] });
+                rest = &rest[at..];
+            }
+        }
+    }
+}
+
+/// Adds a name to a path.
+fn join(path: &mut String, name: &str) {
+    if !path.is_empty() {
+        path.push('.');
+    }
+    path.push_str(name);
+}
+
+/// The text of a string at the beginning, with its escapes, and what follows.
+fn string(text: &str) -> (&str, &str) {
+    let inner = &text[1..];
+    let mut escaped = false;
+    let end = inner.find(|c: char| {
+        let ends = c == '"' && !escaped;
+        escaped = c == '\\' && !escaped;
+        ends
+    });
+    end.map_or((inner, ""), |at| (&inner[..at], &inner[at + 1..]))
+}
+
+/// Calls `found` with the name and the text of each value of a line. What precedes the first name
+/// is the stamp of the line, and the last word of it the kind, where it is no number.
+fn line(text: &str, mut found: impl FnMut(&str, &str)) {
+    let named = |c: char| c.is_alphanumeric() || ['_', '.', '[', ']'].contains(&c);
+    let (mut at, mut first) = (0, true);
+    while let Some(mark) = text[at..].find(['=', ':']).map(|k| at + k) {
+        let before = text[at..mark].trim_end();
+        let name = before.rsplit(|c: char| !named(c)).next().unwrap_or_default();
+        let start = at + before.len() - name.len();
+        at = mark + 1;
+        // otherwise it is the colon of a time
+        if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
+            continue;
+        }
+        if std::mem::take(&mut first) {
+            beginning(&text[..start], &mut found);
+        }
+        let value = text[at..].trim_start();
+        let end = |c: char| c.is_whitespace() || [',', ';', '}', '|'].contains(&c);
+        let value = &value[..value.find(end).unwrap_or(value.len())];
+        found(name, value);
+        at = text.len() - text[at..].trim_start().len() + value.len();
+    }
+}
+
+/// The stamp and the kind in what precedes the names of a line.
+fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
+    let text = text.trim_end_matches(['{', ' ', '\t', ',', ';']);
+    let cut = text.rfind(char::is_whitespace).map_or(0, |k| k + 1);
+    let (stamp, kind) = match text.ends_with(|c: char| c.is_alphabetic()) {
+        true => text.split_at(cut),
+        false => (text, ""),
+    };
+    let stamp = stamp.trim().trim_end_matches(':');
+    if !stamp.is_empty() {
+        found(STAMP, stamp);
+    }
+    if !kind.is_empty() {
+        found(KIND, kind);
+    }
+}
+
+/// Calls `found` with the path and the text of each value of a record.
+fn values(record: &str, found: impl FnMut(&str, &str)) {
+    if record.starts_with('{') { object(record, found) } else { line(record, found) }
+}
+
+/// Reads the next record: an object, or a line; `false` at the end.
+fn next(file: &mut impl BufRead, record: &mut Vec<u8>) -> Result<bool> {
+    record.clear();
+    let (mut depth, mut quoted, mut escaped) = (0_usize, false, false);
+    loop {
+        let bytes = file.fill_buf()?;
+        let mut used = 0;
+        let mut whole = bytes.is_empty();
+        for byte in bytes {
+            used += 1;
+            if record.is_empty()
+                && matches!(byte, b'[' | b']' | b',' | b' ' | b'\r' | b'\n' | b'\t')
+            {
+                continue;
+            }
+            let json = record.first().unwrap_or(byte) == &b'{';
+            if json {
+                match byte {
+                    b'"' if !escaped => quoted = !quoted,
+                    b'{' if !quoted => depth += 1,
+                    b'}' if !quoted => depth = depth.saturating_sub(1),
+                    _ => {}
+                }
+                escaped = *byte == b'\\' && !escaped;
+            }
+            whole = if json { depth == 0 } else { *byte == b'\n' };
+            record.push(*byte);
+            if whole {
+                break;
+            }
+        }
+        file.consume(used);
+        if whole {
+            return Ok(!record.is_empty());
+        }
+        if record.len() > LONGEST {
+            let text = format!("a record has more than {LONGEST} bytes");
+            return Err(Error::new(ErrorKind::InvalidData, text));
+        }
+    }
+}
+
+/// The records at the beginning of a text, each with the paths and the texts of its values; empty
+/// where the rows name nothing.
+#[must_use]
+pub fn records(text: &str) -> Vec<Vec<(String, String)>> {
+    let (mut file, mut record, mut records) = (text.as_bytes(), Vec::new(), Vec::new());
+    while let Ok(true) = next(&mut file, &mut record) {
+        let mut row = Vec::new();
+        let text = String::from_utf8_lossy(&record);
+        values(&text, |name, value| row.push((name.to_owned(), value.to_owned())));
+        records.push(row);
+    }
+    // the last one may be cut off
+    if records.len() > 1 {
+        records.pop();
+    }
+    records
+}
+
+/// The records of a file as rows of a table, with a cell for each heading.
+pub struct Labelled {
+    file: BufReader<Box<dyn Read + Send>>,
+    headings: Vec<String>,
+    record: Vec<u8>,
+    cells: Vec<String>,
+    row: Vec<u8>,
+    /// Number of bytes of the row that were given.
+    given: usize,
+}
+
+impl Labelled {
+    /// The rows of a file, in the order of the headings.
+    pub fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Self {
+        let cells = vec![String::new(); headings.len()];
+        let (record, row, file) = (Vec::new(), Vec::new(), BufReader::new(file));
+        Self { file, headings, record, cells, row, given: 0 }
+    }
+
+    /// Reads the next row; `false` at the end.
+    fn advance(&mut self) -> Result<bool> {
+        let more = next(&mut self.file, &mut self.record)?;
+        self.row.clear();
+        self.given = 0;
+        self.cells.iter_mut().for_each(String::clear);
+        values(&String::from_utf8_lossy(&self.record), |name, value| {
+            let heading = self.headings.iter().position(|heading| heading == name);
+            let cell = heading.and_then(|k| self.cells.get_mut(k)).filter(|c| c.is_empty());
+            let plain = |c: char| if c.is_control() || [',', '"'].contains(&c) { ' ' } else { c };
+            cell.into_iter().for_each(|cell| cell.extend(value.chars().map(plain)));
+        });
+        if more {
+            self.row.extend_from_slice(self.cells.join(",").as_bytes());
+            self.row.push(b'\n');
+        }
+        Ok(more)
+    }
+}
+
+impl Read for Labelled {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+        if self.given == self.row.len() && !self.advance()? {
+            return Ok(0);
+        }
+        let rest = &self.row[self.given..];
+        let count = rest.len().min(bytes.len());
+        bytes[..count].copy_from_slice(&rest[..count]);
+        self.given += count;
+        Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn table(text: &'static str, headings: &[&str]) -> String {
+        let mut rows = String::new();
+        let headings = headings.iter().map(|h| (*h).to_owned()).collect();
+        let read = Labelled::new(Box::new(text.as_bytes()), headings).read_to_string(&mut rows);
+        assert!(read.is_ok());
+        rows
+    }
+
+    #[test]
+    fn objects_of_json_are_rows_by_the_paths_of_their_values() {
+        let lines = "{\"t\": 1.5, \"gyro\": {\"x\": -1e-3, \"y\": NaN}, \"a\": [1, [2, 3]]}\n\
+                     {\"t\": \"2,}\\\"\", \"gyro\": null, \"ok\": true}\n";
+        let headings = ["t", "gyro.x", "a.0", "a.1.1", "ok"];
+        let rows = "1.5,-1e-3,1,3,\n2 }\\ ,,,,true\n";
+        assert_eq!(table(lines, &headings), rows);
+        let array = "[\n {\"t\": 1,\n \"x\": 2}, {\"t\": 3}\n]\n";
+        assert_eq!(table(array, &["x", "t"]), "2,1\n,3\n");
+    }
+
+    #[test]
+    fn lines_name_their_values_after_a_stamp_and_a_kind() {
+        let dump = "2023-11-14 22:13:20.01: IMU {TimeUS : 10, GyrX : -0.1}\n";
+        let headings = ["stamp", "kind", "TimeUS", "GyrX"];
+        assert_eq!(table(dump, &headings), "2023-11-14 22:13:20.01,IMU,10,-0.1\n");
+        assert_eq!(table("10\tgx:1.5\tgy: 2\n", &["stamp", "gx", "gy"]), "10,1.5,2\n");
+        assert_eq!(table("t=0.5 at=22:13:20 a=1", &["t", "at", "a"]), "0.5,22:13:20,1\n");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn any_text_has_rows_or_an_error(text in "([{}\\[\\]\",:= \n\\\\]|a|1|é|null)*") {
+            for row in records(&text) {
+                prop_assert!(row.len() <= text.len());
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Files whose rows name their values: JSON, and lines such as `t=0.01 gx: 0.2`.
+
+use super::columns::Table;
+use super::layout::Layout;
+use crate::found::Found;
+
+/// Number of records by which the values are named.
+const RECORDS: usize = 4000;
+/// Least number of values of an object, and of a line.
+const VALUES: [usize; 2] = [2, 3];
+/// Share of the records that must have them.
+const SHARE: f64 = 0.9;
+/// Largest number of kinds.
+const KINDS: usize = 50;
+
+/// A record: the paths and the texts of its values.
+type Record = Vec<(String, String)>;
+
+fn value<'a>(record: &'a Record, name: &str) -> Option<&'a str> {
+    record.iter().find(|(path, _)| path == name).map(|(_, text)| text.as_str())
+}
+
+/// The path whose values are words that say what a record is.
+fn kind(records: &[Record]) -> Option<(String, Vec<String>)> {
+    let word = |text: &&str| {
+        text.starts_with(|c: char| c.is_alphabetic() || c == '/')
+            && *text != "true"
+            && *text != "false"
+    };
+    records.first()?.iter().find_map(|(name, _)| {
+        let mut kinds: Vec<String> = Vec::new();
+        for record in records {
+            let text = value(record, name).filter(word)?;
+            if !kinds.iter().any(|kind| kind == text) {
+                kinds.push(text.to_owned());
+            }
+        }
+        ((2..=KINDS).contains(&kinds.len()) && kinds.len() * 2 < records.len())
+            .then(|| (name.clone(), kinds))
+    })
+}
+
+/// The sensors of records that have the same values.
+fn of(records: &[&Record], kind: Option<(&str, &str)>, name: &str) -> Result<Vec<Found>, String> {
+    let mut headings: Vec<String> = Vec::new();
+    for (path, _) in records.iter().copied().flatten() {
+        if !headings.contains(path) {
+            headings.push(path.clone());
+        }
+    }
+    let row = |record: &&Record| {
+        let cell = |heading: &String| value(record, heading).unwrap_or_default().to_owned();
+        headings.iter().map(cell).collect()
+    };
+    let rows = records.iter().map(row).collect();
+    let place = kind
+        .and_then(|(path, text)| Some((headings.iter().position(|h| h == path)?, text.to_owned())));
+    let layout = Layout::labelled(headings, rows, place.into_iter().collect());
+    Table::new(&layout, name, Vec::new()).sensors()
+}
+
+/// The sensors of a file whose rows name their values; `None` for another file.
+pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
+    let json = text.trim_start().starts_with(['{', '[']);
+    let mut records = navfuse_csv::records(text);
+    let least = VALUES[usize::from(!json)];
+    let whole = records.iter().filter(|record| record.len() >= least).count();
+    if records.len() < 2 || (whole as f64) < SHARE * records.len() as f64 {
+        return None;
+    }
+    records.truncate(10 * RECORDS);
+    records.retain(|record| record.len() >= least);
+    let Some((path, kinds)) = kind(&records) else {
+        let records: Vec<&Record> = records.iter().take(RECORDS).collect();
+        return Some(of(&records, None, name));
+    };
+    let mut sensors: Vec<Found> = Vec::new();
+    for kind in &kinds {
+        let records = records.iter().filter(|record| value(record, &path) == Some(kind));
+        let records: Vec<&Record> = records.take(RECORDS).collect();
+        for found in of(&records, Some((&path, kind)), kind).unwrap_or_default() {
+            if !sensors.iter().any(|known| known.kind == found.kind) {
+                sensors.push(found);
+            }
+        }
+    }
+    let none = || format!("none of its records ({}) has a known sensor", kinds.join(", "));
+    Some(if sensors.is_empty() { Err(none()) } else { Ok(sensors) })
+}
