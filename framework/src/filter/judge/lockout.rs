@@ -400,10 +400,11 @@ impl Lockout {
     pub(in crate::filter) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
         let sample = Judged::none(sensor, time);
         if let Some(streak @ Streak { since, count, .. }) = self.streak {
-            let text = format!(
-                "the last {count} samples were gated, since {since}, {}",
-                self.worst(&streak)
-            );
+            let last = match count {
+                1 => "the last sample was gated".to_owned(),
+                _ => format!("the last {count} samples were gated, since {since}"),
+            };
+            let text = format!("{last}, {}", self.worst(&streak));
             log(&sample, Level::Warning, text, observer);
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {
