@@ -2,6 +2,7 @@
 
 use crate::blueprint::{Layout, height};
 use crate::innovation::SensorSeries;
+use crate::rig::Mount;
 use crate::run::Run;
 use crate::samples::SampleSeries;
 use crate::state::{BlockSeries, Plots, end_of_run};
@@ -16,7 +17,7 @@ use re_sdk::blueprint::{
 use re_sdk::log::LogMsg;
 use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D, MapZoom};
 use re_sdk_types::blueprint::components::BackgroundKind;
-use re_sdk_types::components;
+use re_sdk_types::components::{self, Plane3D};
 
 /// The span of a track on the map, pixels.
 const MAP_PIXELS: f64 = 350.0;
@@ -70,6 +71,16 @@ pub fn messages(
 impl Layout {
     fn root(&mut self, run: &Run, tabs: &[Box<dyn Tab>]) -> ContainerLike {
         let mut all = vec![self.overview(run)];
+        if self.ranges || self.latest.is_some() {
+            self.parts(run, tabs, &mut all);
+        }
+        all.push(self.log("Events"));
+        all.push(TextDocumentView::new("Scenario").with_origin("/scenario").into());
+        Tabs::new(all).into()
+    }
+
+    /// The tabs whose series viewers see during the run, and the file has from its end on.
+    fn parts(&mut self, run: &Run, tabs: &[Box<dyn Tab>], all: &mut Vec<ContainerLike>) {
         all.extend(self.track(run));
         let sensor = |name: &str| run.sensors.iter().any(|s| s.name == name);
         let (own, calibrations): (Vec<_>, Vec<_>) =
@@ -86,7 +97,7 @@ impl Layout {
         for sensor in &run.sensors {
             let blocks: Vec<_> =
                 calibrations.iter().filter(|b| b.owner == sensor.name).copied().collect();
-            for part in parts(&blocks) {
+            for part in in_parts(&blocks) {
                 let names: Vec<String> = part.iter().map(|b| b.name.replace('_', " ")).collect();
                 let name = format!("{}: {}", sensor.name, names.join(", "));
                 states.push(self.states(&name, part));
@@ -101,9 +112,6 @@ impl Layout {
         all.extend(group("Sensors", sensors));
         (self.legend, self.rows) = (true, 3);
         all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
-        all.push(self.log("Events"));
-        all.push(TextDocumentView::new("Scenario").with_origin("/scenario").into());
-        Tabs::new(all).into()
     }
 
     /// Track, verdict, health of the sensors and the worst state on one page.
@@ -129,7 +137,10 @@ impl Layout {
             _ => page,
         };
         let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(LANES[0], LANES[1]);
-        let mut below = vec![self.lanes("Health of the sensors", &["+ /health/**".to_owned()])];
+        let mut below = vec![match self.latest {
+            Some(_) => self.plot("Health of the sensors", &["+ /live/health/**".to_owned()], None),
+            None => self.lanes("Health of the sensors", &["+ /health/**".to_owned()]),
+        }];
         if let Some((b, k)) = run.worst
             && let Some(plots) = &run.blocks[b].components[k].plots
         {
@@ -167,9 +178,14 @@ impl Layout {
 
     /// The view in three dimensions whose eye follows the vehicle.
     fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
-        let view = self.space(name, &track.extent);
+        let name = match crate::scene::enlargement(track) {
+            enlarged if self.ranges && enlarged > 1.0 => format!("{name}; 3 sigma x {enlarged}"),
+            _ => format!("{name}; 3 sigma"),
+        };
+        let view = self.space(&name, &track.extent);
         // a tracked eye has a place of its own: with another position it would not follow
-        let tracked = if track.mounts.is_empty() { "hull" } else { "sensors" };
+        let spread = track.mounts.iter().any(Mount::is_apart);
+        let tracked = if spread { "sensors" } else { "hull" };
         let eye = EyeControls3D::new()
             .with_tracking_entity(components::EntityPath::from(format!("/world/vehicle/{tracked}")))
             .with_eye_up([0.0, 0.0, -1.0]);
@@ -196,7 +212,9 @@ impl Layout {
         let view = ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
         if let Some((_, side)) = extent.middle().filter(|_| self.ranges) {
             let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
-            self.set(&view, "LineGrid3D", LineGrid3D::new().with_spacing(spacing));
+            let level = Plane3D::new([0.0, 0.0, 1.0], extent.level());
+            let grid = LineGrid3D::new().with_spacing(spacing).with_plane(level);
+            self.set(&view, "LineGrid3D", grid);
             let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
             self.set(&view, "Background", dark);
         }
@@ -329,7 +347,7 @@ fn group(name: &str, tabs: Vec<ContainerLike>) -> Option<ContainerLike> {
 }
 
 /// Blocks in groups of at most [`ROWS`] components.
-fn parts<'a, 'b>(blocks: &'b [&'a BlockSeries]) -> Vec<&'b [&'a BlockSeries]> {
+fn in_parts<'a, 'b>(blocks: &'b [&'a BlockSeries]) -> Vec<&'b [&'a BlockSeries]> {
     let mut parts = Vec::new();
     let (mut begin, mut count) = (0, 0);
     for (k, block) in blocks.iter().enumerate() {

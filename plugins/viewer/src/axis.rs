@@ -98,6 +98,21 @@ pub fn ticks([low, high]: [f64; 2], pixels: f64) -> usize {
     if count.is_finite() { count.max(0.0) as usize } else { 0 }
 }
 
+/// A number with three digits.
+pub fn short(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    let digits = 2 - x.abs().log10().floor() as i32;
+    if (0..=7).contains(&digits) {
+        format!("{x:.*}", digits as usize)
+    } else if digits < 0 {
+        format!("{x:.0}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,5 +160,11 @@ mod tests {
         is("deg", 1e-12, "udeg", 1e-6);
         is("furlong", 1e-3, "furlong", 1.0);
         is("deg", f64::NAN, "deg", 1.0);
+    }
+
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98765"]);
+        assert_eq!(short(1.5e-9), "1.50e-9");
     }
 }

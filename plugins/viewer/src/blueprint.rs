@@ -39,7 +39,7 @@ pub struct Layout {
     pub rows: usize,
     /// The time of the run, ns, where it is known: the plots' horizontal axis.
     pub span: Option<(i64, i64)>,
-    /// Length of the latest time that plots and lanes show of a run that goes on, ns; they then follow
+    /// Length of the latest time that plots show of a run that goes on, ns; they then follow
     /// the cursor.
     pub(crate) latest: Option<i64>,
     /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
@@ -148,10 +148,6 @@ impl Layout {
             let class = ViewClass("StateTimeline".into());
             let class = ViewBlueprint::update_fields().with_class_identifier(class);
             self.properties.push((view.blueprint_path(), Box::new(class)));
-        }
-        if self.latest.is_some() {
-            let latest = TimeAxis::new().with_view_range(self.range_of_time(None));
-            self.set(&view, "TimeAxis", latest);
         }
         view
     }

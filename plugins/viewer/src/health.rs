@@ -2,7 +2,7 @@
 //! not used.
 
 use crate::recording::Recording;
-use crate::style::{Colour, path};
+use crate::style::{Colour, GATED, REJECTED, path};
 use navfuse_core::model::chi_square::{gated_moments, outside};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -10,7 +10,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::{Span, Time};
 use re_sdk::EntityPath;
-use re_sdk_types::archetypes::{StateChange, StateConfiguration};
+use re_sdk_types::archetypes::{Scalars, SeriesLines, StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
 use std::collections::VecDeque;
 
@@ -23,6 +23,9 @@ const NIS_WINDOW: usize = 25;
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
 const NIS_EXCESS: f64 = 1.5;
+
+/// Width of the line of a sensor while the run goes on.
+const THICK: f32 = 10.0;
 
 /// Health of a sensor at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,14 +61,15 @@ impl Health {
         }
     }
 
-    /// Colour in the lane: distinct for the colour-blind too (Okabe and Ito).
+    /// Colour in the lane: distinct for the colour-blind too, and the one of the marks in the
+    /// plots.
     pub fn colour(self) -> Colour {
         match self {
             Self::Used => [0, 158, 115],
-            Self::Noisy => [230, 159, 0],
-            Self::Doubted => [240, 228, 66],
-            Self::Gated => [204, 121, 167],
-            Self::Rejected => [213, 94, 0],
+            Self::Noisy => [240, 228, 66],
+            Self::Doubted => [86, 180, 233],
+            Self::Gated => GATED,
+            Self::Rejected => REJECTED[0],
             Self::Silent => [96, 100, 108],
         }
     }
@@ -104,6 +108,8 @@ pub struct Lane {
     moments: (usize, f64, [f64; 2]),
     rhythm: Rhythm,
     last: Option<Time>,
+    /// Time and channels of the last update.
+    part: Option<(Time, u16)>,
 }
 
 impl Lane {
@@ -123,6 +129,7 @@ impl Lane {
             moments: (0, f64::NAN, [0.0; 2]),
             rhythm: Rhythm::default(),
             last: None,
+            part: None,
         })
     }
 
@@ -141,6 +148,23 @@ impl Lane {
             .with_values(Health::ALL.map(Health::word))
             .with_colors(colours);
         recording.log_static(&self.path, &look)
+    }
+
+    /// Sends the present health to the viewers that watch, as a point of the `k`-th thick line: their
+    /// lanes do not follow the cursor.
+    pub fn show(&self, recording: &Recording, k: usize, now: Time) -> Result<(), StreamError> {
+        let Some((health, _)) = self.current else { return Ok(()) };
+        let entity = path(&["live", "health", &self.name]);
+        let level = k as f64 + 1.0;
+        let look = SeriesLines::update_fields()
+            .with_names([format!("{level} {}", self.name)])
+            .with_widths([THICK]);
+        recording.log_static_to_viewers(&entity, &look)?;
+        let colour = SeriesLines::update_fields().with_colors([health.colour()]);
+        let point =
+            Scalars::single(level).columns_of_unit_batches().map_err(|e| recording.error(e))?;
+        let colour = colour.columns_of_unit_batches().map_err(|e| recording.error(e))?;
+        recording.columns_to_viewers(&entity, &[now.nanos()], point.chain(colour))
     }
 
     /// Notes the time, and with it a silence. The first call begins the lane.
@@ -211,7 +235,21 @@ impl Lane {
             Outcome::Gated => Health::Gated,
             Outcome::Rejected(_) => Health::Rejected,
         };
+        if self.is_part(update) {
+            // of a sample in parts the worst one counts
+            match self.latest.back() {
+                Some((_, Health::Gated | Health::Rejected)) => return Ok(()),
+                _ => drop(self.latest.pop_back()),
+            }
+        }
         self.judge(recording, update.time, health)
+    }
+
+    /// Returns `true` for a further part of a sample, which has channels of its own: the filter
+    /// uses the groups of channels that pass the gate.
+    fn is_part(&mut self, update: &UpdateRecord<'_>) -> bool {
+        let before = self.part.replace((update.time, update.present));
+        before.is_some_and(|(time, present)| time == update.time && present & update.present == 0)
     }
 
     /// Ends the last stretch.

@@ -1,7 +1,7 @@
 //! The measuring sensors over time: innovations with their bounds, gated and rejected samples, NIS
 //! with its band and the gate.
 
-use crate::axis::{self, Scale};
+use crate::axis::{self, Scale, short};
 use crate::columns::Series;
 use crate::history::{Gaps, History, Row};
 use crate::quantity::{Here, Quantity, quantity};
@@ -23,7 +23,7 @@ const OUTSIDE: f64 = 0.05;
 const WIDE: f64 = 3.0;
 /// Place of a mark for an innovation beyond the plot, relative to the edge.
 const EDGE: f64 = 0.97;
-/// Level of a rejected sample without a gate, decimal logarithm of the NIS.
+/// Level of a rejected sample without a gate, decimal logarithm of the NIS per channel.
 const REJECTED_LEVEL: f64 = 1.5;
 
 /// The innovations of one channel.
@@ -36,6 +36,7 @@ pub struct Innovations {
     /// Innovation and sigma.
     accepted: History<2>,
     gated: History<1>,
+    gaps: Gaps,
     live: Option<Series>,
 }
 
@@ -60,7 +61,7 @@ pub struct SensorSeries {
     pub nis: Option<Plot>,
     /// Names of the channels.
     names: Vec<Arc<str>>,
-    /// Logarithms of NIS, gate and band.
+    /// Logarithms of NIS, gate and band, per channel.
     accepted: History<4>,
     gated: History<1>,
     rejected: Vec<(Rejection, History<1>)>,
@@ -81,6 +82,7 @@ impl SensorSeries {
             quantity: quantity(channel),
             accepted: History::new(&[0], full),
             gated: History::new(&[0], full),
+            gaps: Gaps::default(),
             live: None,
         });
         Some(Self {
@@ -130,7 +132,6 @@ impl SensorSeries {
                 return Ok(());
             }
         };
-        self.break_lines(update.time);
         for (k, innovation, sigma) in update.channels() {
             let entity = recording.is_live().then(|| self.live_entity(k));
             let Some(channel) = self.channels.get_mut(k) else { continue };
@@ -139,6 +140,7 @@ impl SensorSeries {
             if gated {
                 channel.gated.push(time, [innovation]);
             } else {
+                break_line(&mut channel.gaps, &mut channel.accepted, update.time);
                 channel.accepted.push(time, [innovation, sigma]);
             }
             if let Some(entity) = entity {
@@ -150,31 +152,25 @@ impl SensorSeries {
             }
         }
         let logarithm = |x: f64| if x.is_finite() && x > 0.0 { x.log10() } else { f64::NAN };
-        let threshold = logarithm(update.threshold);
+        // sensors that lose channels have one scale: a NIS of one for each channel is expected
+        let m = update.innovation.len();
+        let n = m as f64;
+        let [nis, threshold] = [update.nis, update.threshold].map(|x| logarithm(x / n));
         if threshold.is_finite() {
             self.level = threshold + 0.25;
         }
         if gated {
-            self.gated.push(time, [logarithm(update.nis)]);
+            self.gated.push(time, [nis]);
         } else {
-            let m = update.innovation.len();
             if self.band.0 != m {
-                let n = m as f64;
                 let band = chi_square::band(n, 2.0 * n, OUTSIDE);
-                self.band = (m, [band.low, band.high].map(f64::log10));
+                self.band = (m, [band.low, band.high].map(|x| (x / n).log10()));
             }
             let [low, high] = self.band.1;
-            self.accepted.push(time, [logarithm(update.nis), threshold, low, high]);
+            break_line(&mut self.gaps, &mut self.accepted, update.time);
+            self.accepted.push(time, [nis, threshold, low, high]);
         }
         Ok(())
-    }
-
-    /// Breaks lines where samples are missing.
-    fn break_lines(&mut self, now: Time) {
-        if let Some(middle) = self.gaps.after(now) {
-            self.channels.iter_mut().for_each(|c| c.accepted.break_at(middle));
-            self.accepted.break_at(middle);
-        }
     }
 
     /// Sends what viewers see during the run.
@@ -239,8 +235,15 @@ impl SensorSeries {
             include(self.level);
             all.push(series);
         }
-        self.nis = Some(Plot { name: format!("{} NIS [10^y]", self.name), range });
+        self.nis = Some(Plot { name: format!("{} NIS per channel [10^y]", self.name), range });
         all.iter_mut().try_for_each(|series| series.flush(recording))
+    }
+}
+
+/// Breaks a line where accepted samples are missing.
+fn break_line<const N: usize>(gaps: &mut Gaps, line: &mut History<N>, now: Time) {
+    if let Some(middle) = gaps.after(now) {
+        line.break_at(middle);
     }
 }
 
@@ -276,7 +279,7 @@ impl Innovations {
         // an outlier far away would flatten the plot: a mark at the edge stands for it
         let far = gated.iter().map(|r| (r.1[0] / scale.size).abs()).fold(0.0, f64::max);
         let size = if size > 0.0 { size.max(far.min(3.0 * size)) } else { far };
-        let name_beyond = format!("gated, beyond: up to {far:.3e} {}", scale.unit);
+        let name_beyond = format!("gated, beyond: up to {} {}", short(far), scale.unit);
         let mut beyond =
             Series::marked(entity("beyond"), &name_beyond, GATED, 4.5, MarkerShape::Up);
         for (time, [value]) in &gated {

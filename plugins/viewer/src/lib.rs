@@ -18,7 +18,7 @@
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
 //! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithm of the error's magnitude and of sigma |
 //! | `/innovation/SENSOR/CHANNEL/accepted` | innovation; beside it `bounds` of 3 sigma and `gated` |
-//! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS; beside it `limits`, `gated`, `rejected` |
+//! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS per channel; beside it `limits`, `gated`, `rejected` |
 //! | `/samples/SENSOR/CHANNEL` | the samples |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
 //!

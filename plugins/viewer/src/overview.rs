@@ -1,11 +1,11 @@
 //! The overview: whether the run may be used, what converged, which sensor was bad and when.
 
-use crate::axis;
+use crate::axis::{self, short};
 use crate::health::{Health, Lane, Stretch};
 use crate::innovation::SensorSeries;
 use crate::run::Run;
 use crate::state::BlockSeries;
-use navfuse_core::model::record::answers::Truth;
+use navfuse_core::model::record::answers::{Answers, Truth};
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
@@ -14,11 +14,11 @@ use std::fmt::Write;
 const CONVERGED: f64 = 0.5;
 /// Number of states in the lists.
 const STATES: usize = 4;
-/// Number of stretches in the line of a sensor.
+/// Number of stretches in the line of a sensor: the page shows the verdict without scrolling.
 const STRETCHES: usize = 4;
 /// Shortest stretch of bad samples in the line of a sensor, and shortest silence, s.
 const SHORTEST: f64 = 1.0;
-const SHORTEST_SILENCE: f64 = 3.0;
+const SHORTEST_SILENCE: f64 = 5.0;
 /// Number of gated samples from which on their share in turns counts.
 const GATED: u64 = 20;
 /// Share of gated samples in turns that names the turns, and how many times larger than the share
@@ -64,9 +64,15 @@ pub fn page(run: &Run, verdict: Option<&Verdict>) -> String {
 
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict) {
     let _ = writeln!(page, "# {name}: {}\n", verdict.level.words());
-    if verdict.reasons.is_empty() {
-        page.push_str("No criterion contradicts the reported uncertainty.\n");
-    }
+    let Answers { usable, because, sigma, change } = verdict.answers();
+    let because = if because.is_empty() { because } else { format!(", {because}") };
+    let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
+    let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
+    let (usable, sigma) = (usable.words(), sigma.words());
+    let _ = writeln!(
+        page,
+        "Usable: **{usable}**{because} · sigma: **{sigma}** · look at: **{about}**\n"
+    );
     for reason in &verdict.reasons {
         let words = reason.severity.words();
         let _ = write!(page, "- {words}: **{}**: {}", reason.about, reason.text);
@@ -88,30 +94,35 @@ fn write_sensors(
         let named = verdict?.reasons.iter().any(|reason| lane.is_meant_by(&reason.about));
         named.then(|| format!("**{}**, over the run: see the verdict", lane.name))
     };
-    let bad: Vec<String> =
-        lanes.iter().filter_map(|lane| bad(lane).or_else(|| accused(lane))).collect();
-    match bad.is_empty() {
-        true => page.push_str("**None** for longer than a second.\n\n"),
-        false => {
-            let _ = writeln!(page, "{}.\n", bad.join("; "));
-        }
+    let found: Vec<_> =
+        lanes.iter().map(|lane| (lane, bad(lane).or_else(|| accused(lane)))).collect();
+    if found.iter().all(|(_, bad)| bad.is_none()) {
+        page.push_str("**None** was gated, rejected or doubted for longer than a second.\n\n");
     }
-    page.push_str("| sensor | used | gated | rejected | NIS (expected) | bad or silent |\n");
-    page.push_str("|---|--:|--:|--:|--:|---|\n");
+    for (lane, bad) in found {
+        let when = not_used(lane, sensors.iter().find(|s| s.name == lane.name));
+        let _ = match (bad, when.is_empty()) {
+            (Some(bad), true) => writeln!(page, "- {bad}"),
+            (Some(bad), false) => writeln!(page, "- {bad}: {when}"),
+            (None, false) => writeln!(page, "- **{}**: {when}", lane.name),
+            (None, true) => Ok(()),
+        };
+    }
+    page.push_str(
+        "\n| sensor | used | gated | rejected | NIS (expected) |\n|---|--:|--:|--:|--:|\n",
+    );
     for lane in lanes {
         let rejected = lane.outcomes.all_rejected();
         let nis = verdict.and_then(|v| v.sensor(&lane.name)).map_or_else(String::new, |s| {
             let mark = if s.inside { "" } else { " **!**" };
             format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
         });
-        let series = sensors.iter().find(|s| s.name == lane.name);
         let _ = writeln!(
             page,
-            "| **{}** | {} | {} | {rejected} | {nis} | {} |",
+            "| **{}** | {} | {} | {rejected} | {nis} |",
             lane.name,
             lane.outcomes.accepted + lane.outcomes.placed,
             lane.outcomes.gated,
-            not_used(lane, series)
         );
     }
 }
@@ -198,7 +209,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
         total - shares.len()
     );
     if !shares.is_empty() {
-        page.push_str("Not so, with the last sigma over the prior:");
+        page.push_str("The others, with their last sigma over the prior:");
         for (k, (name, share)) in shares.iter().take(STATES).enumerate() {
             let _ = write!(page, "{} **{name}** ({share:.2})", if k == 0 { "" } else { "," });
         }
@@ -264,24 +275,9 @@ fn write_errors(page: &mut String, blocks: &[BlockSeries], verdict: Option<&Verd
     }
 }
 
-/// A number with three digits.
-fn short(x: f64) -> String {
-    if x == 0.0 || !x.is_finite() {
-        return format!("{x}");
-    }
-    let digits = 2 - x.abs().log10().floor() as i32;
-    if (0..=7).contains(&digits) {
-        format!("{x:.*}", digits as usize)
-    } else if digits < 0 {
-        format!("{x:.0}")
-    } else {
-        format!("{x:.2e}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{bad, short};
+    use super::bad;
     use crate::health::{Health, Lane, Stretch};
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
     use navfuse_core::units::time::Time;
@@ -309,11 +305,5 @@ mod tests {
         assert_eq!(lane([200, 20]).as_deref(), Some("**dvl**, for 6 s"));
         // a vehicle that turns all the time says nothing about turns
         assert_eq!(lane([950, 95]).as_deref(), Some("**dvl**, for 6 s"));
-    }
-
-    #[test]
-    fn numbers_have_three_digits() {
-        assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98765"]);
-        assert_eq!(short(1.5e-9), "1.50e-9");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::colours::ColourScale;
 use crate::recording::Recording;
-use crate::style::{BOUND, Colour, START, STOP, TRUTH, path};
+use crate::style::{BOUND, Colour, MARK, TRUTH, path};
 use crate::track::{Extent, Place};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D};
@@ -79,7 +79,7 @@ impl Plan {
         let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
         let marks = Points2D::new([point(first.ned), point(last.ned)])
             .with_labels(["start", "end"])
-            .with_colors([START, STOP])
+            .with_colors([MARK])
             .with_radii([Radius::new_ui_points(6.0)])
             .with_show_labels(true)
             .with_draw_order(DrawOrder::from(5.0));

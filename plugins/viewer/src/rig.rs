@@ -3,7 +3,7 @@
 use crate::columns::Thinned;
 use crate::history::Gaps;
 use crate::recording::Recording;
-use crate::style::{AXES, BEAM, BOUND, SENSOR, path};
+use crate::style::{AXES, BEAM, BOUND, MARK, path};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::sensor::mounting::{Beam, Mounting, Reach};
@@ -58,6 +58,11 @@ impl Mount {
             ends: Thinned::new(if full { usize::MAX } else { SAMPLES }),
             gaps: Gaps::default(),
         })
+    }
+
+    /// Returns `true` for a sensor that is not in the middle of the vehicle.
+    pub fn is_apart(&self) -> bool {
+        self.place.amax() > SAME
     }
 
     fn beams(&self) -> &[Beam] {
@@ -174,7 +179,7 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
     };
     let sensors = Points3D::new(places.iter().map(|k| ends[*k]))
         .with_labels(places.iter().map(label))
-        .with_colors([SENSOR])
+        .with_colors([MARK])
         .with_radii([Radius::new_ui_points(3.5)]);
     recording.log_static(&body("sensors"), &sensors)?;
     let turned: Vec<(&Mount, [f32; 3])> =

@@ -1,10 +1,10 @@
-//! The run in three dimensions and on the map: track, vehicle, velocity, uncertainty and sensors.
+//! The run in three dimensions and on the map: track, vehicle, uncertainty and sensors.
 
 use crate::colours::ColourScale;
 use crate::plan::{self, Plan};
 use crate::recording::Recording;
 use crate::rig;
-use crate::style::{AXES, BOUND, Colour, FILTERED, SENSOR, START, STOP, TRUTH, path};
+use crate::style::{AXES, BOUND, Colour, FILTERED, MARK, TRUTH, path};
 use crate::track::{Motion, Place, Pose};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{
@@ -16,10 +16,6 @@ use re_sdk_types::datatypes::Quaternion;
 
 /// Length of the vehicle, as a share of the longest side of the track.
 const VEHICLE: f32 = 0.09;
-/// Length of the fastest velocity's arrow, as a share of the longest side of the track.
-const ARROW: f32 = 0.12;
-/// Colour of the velocity.
-const VELOCITY: Colour = SENSOR;
 /// Colour of the ellipsoid.
 const ELLIPSOID: [u8; 3] = [86, 180, 233];
 
@@ -35,7 +31,7 @@ pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     let truth: Vec<Place> = track.truth.iter().collect();
     draw_line(recording, "truth", &truth, TRUTH)?;
     draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED)?;
-    draw_estimate(recording, &estimate)?;
+    draw_estimate(recording, &estimate, track.extent.level())?;
     if let Some(plan) = Plan::new(&track.extent) {
         plan.draw(recording, &estimate, &truth)?;
     }
@@ -82,7 +78,7 @@ fn draw_line(
     recording.log_static(&path(&["map", name]), &line)
 }
 
-fn draw_estimate(recording: &Recording, estimate: &[Place]) -> Result<(), StreamError> {
+fn draw_estimate(recording: &Recording, estimate: &[Place], level: f32) -> Result<(), StreamError> {
     let scale = ColourScale::over(estimate.iter().map(|p| p.sigma));
     let thick = Radius::new_ui_points(1.7);
     let pieces = scale.pieces(estimate.iter().map(|p| (p.ned, p.sigma)));
@@ -95,20 +91,19 @@ fn draw_estimate(recording: &Recording, estimate: &[Place]) -> Result<(), Stream
         .with_colors(pieces.iter().map(|p| p.0))
         .with_radii([thick]);
     recording.log_static(&path(&["map", "estimate"]), &line)?;
-    // the shadow of the track at the level of its start makes a dive visible
-    let shadow = LineStrips3D::new([estimate.iter().map(|p| [p.ned[0], p.ned[1], 0.0])]);
+    // the shadow of the track on the grid makes a dive visible
+    let shadow = LineStrips3D::new([estimate.iter().map(|p| [p.ned[0], p.ned[1], level])]);
     let shadow = shadow.with_colors([BOUND]).with_radii([Radius::new_ui_points(0.6)]);
     recording.log_static(&path(&["world", "shadow"]), &shadow)?;
     let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
     let size = Radius::new_ui_points(5.0);
     let marks = Points3D::new([first.ned, last.ned])
         .with_labels(["start", "end"])
-        .with_colors([START, STOP])
+        .with_colors([MARK])
         .with_radii([size]);
     recording.log_static(&path(&["world", "marks"]), &marks)?;
-    let marks = GeoPoints::from_lat_lon([first.geo, last.geo])
-        .with_colors([START, STOP])
-        .with_radii([size]);
+    let marks =
+        GeoPoints::from_lat_lon([first.geo, last.geo]).with_colors([MARK]).with_radii([size]);
     recording.log_static(&path(&["map", "marks"]), &marks)
 }
 
@@ -139,14 +134,22 @@ fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<()
     rig::draw(recording, &track.mounts, length)
 }
 
-/// Writes poses, velocity and ellipsoid; `live` to the viewers alone.
+/// The power of ten by which the ellipsoids are enlarged: 3 sigma of a good run is invisible beside
+/// its track.
+pub fn enlargement(track: &Motion) -> f32 {
+    let Some((_, side)) = track.extent.middle() else { return 1.0 };
+    let later = track.poses.iter().skip(track.poses.len() / 10);
+    let largest = later.flat_map(|p| p.ellipsoid.0).fold(f32::MIN_POSITIVE, f32::max);
+    10f32.powf((0.1 * side / largest).log10().floor()).max(1.0)
+}
+
+/// Writes poses and ellipsoids; `live` to the viewers alone.
 fn write_poses(
     recording: &Recording,
     poses: &[Pose],
     track: &Motion,
     live: bool,
 ) -> Result<(), StreamError> {
-    let Some((_, side)) = track.extent.middle() else { return Ok(()) };
     let times: Vec<i64> = poses.iter().map(|p| p.time).collect();
     let send = |parts: &[&str], columns| {
         if live {
@@ -162,39 +165,17 @@ fn write_poses(
         .with_many_quaternion(poses.iter().map(|p| Quaternion::from_xyzw(p.attitude)));
     let columns: Vec<_> = pose.columns_of_unit_batches().map_err(error)?.collect();
     send(&["world", "vehicle"], columns.into_iter())?;
-    let fastest = poses.iter().map(|p| norm(p.velocity)).fold(0.0, f32::max);
-    let factor = if fastest > 0.0 { ARROW * side / fastest } else { 0.0 };
-    let arrows = Arrows3D::update_fields()
-        .with_vectors(poses.iter().map(|p| p.velocity.map(|v| v * factor)))
-        .with_origins(places());
-    let columns: Vec<_> = arrows.columns_of_unit_batches().map_err(error)?.collect();
-    send(&["world", "velocity"], columns.into_iter())?;
-    let look =
-        Arrows3D::update_fields().with_colors([VELOCITY]).with_radii([Radius::new_ui_points(2.2)]);
-    recording.log_static(&path(&["world", "velocity"]), &look)?;
-    // 3 sigma of a good run is invisible beside its track: enlarged by a power of ten, as labelled
-    let largest = poses.iter().skip(poses.len() / 10).flat_map(|p| p.ellipsoid.0);
-    let largest = largest.fold(f32::MIN_POSITIVE, f32::max);
-    let enlarged = 10f32.powf((0.1 * side / largest).log10().floor()).max(1.0);
+    let enlarged = enlargement(track);
     let ellipsoids = Ellipsoids3D::update_fields()
         .with_half_sizes(poses.iter().map(|p| p.ellipsoid.0.map(|h| h * enlarged)))
         .with_centers(places())
         .with_quaternions(poses.iter().map(|p| Quaternion::from_xyzw(p.ellipsoid.1)));
     let columns: Vec<_> = ellipsoids.columns_of_unit_batches().map_err(error)?.collect();
     send(&["world", "uncertainty"], columns.into_iter())?;
-    let sigma = if enlarged > 1.0 { format!("3 sigma x {enlarged}") } else { "3 sigma".into() };
-    let label = format!("blue: {sigma}, orange: velocity");
     let look = Ellipsoids3D::update_fields()
         .with_colors([ELLIPSOID])
         .with_fill_mode(FillMode::MajorWireframe);
     recording.log_static(&path(&["world", "uncertainty"]), &look)?;
-    // one label above the vehicle, where those of its sensors are not
-    let above = Points3D::new([[0.0, 0.0, -0.6 * VEHICLE * side]])
-        .with_labels([label])
-        .with_show_labels(true)
-        .with_colors([ELLIPSOID])
-        .with_radii([Radius::new_ui_points(0.1)]);
-    recording.log_static(&path(&["world", "vehicle", "legend"]), &above)?;
     let points = GeoPoints::from_lat_lon(poses.iter().map(|p| p.place.geo));
     let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
     send(&["map", "vehicle"], columns.into_iter())?;
@@ -207,8 +188,4 @@ fn write_poses(
     let look =
         Points2D::update_fields().with_colors([AXES[0]]).with_radii([Radius::new_ui_points(5.0)]);
     recording.log_static(&path(&["plan", "vehicle"]), &look)
-}
-
-fn norm(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }

@@ -88,6 +88,9 @@ impl RerunSink {
         if self.recording.is_live() {
             run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
             run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
+            let now = self.last.unwrap_or_default();
+            let mut lanes = run.lanes.iter().enumerate();
+            lanes.try_for_each(|(k, lane)| lane.show(&self.recording, k, now))?;
             if let Some(track) = &run.track {
                 scene::draw(&self.recording, track)?;
                 scene::follow(&self.recording, track)?;

@@ -62,7 +62,7 @@ pub struct BlockSeries {
     /// Set where the truth is a constant of the scenario.
     pub constant: bool,
     half_turn: f64,
-    /// The first estimate: a position is shown in metres from there.
+    /// The first estimate: a position is shown in metres from the place at height zero under it.
     origin: Option<Vec<f64>>,
 }
 
@@ -128,13 +128,16 @@ impl BlockSeries {
         path(&["live", "state", &self.owner, &self.name, &self.components[k].name])
     }
 
-    /// Computes what is shown of a block: its reading, and of a position the metres from the first.
+    /// Computes what is shown of a block: its reading, and of a position the metres from its origin.
     fn show(&mut self, block: &Block, values: &[f64], out: &mut [f64]) {
         let n = block.operations.tangent;
         let origin = self.origin.get_or_insert_with(|| values[block.range()].to_vec());
         match block.operations.reading {
             Reading::Tangent => {
-                (block.operations.local)(&values[block.range()], origin, &mut out[..n]);
+                let (value, mut geo) = (&values[block.range()], [0.0; MAX_TANGENT]);
+                (block.operations.local)(value, origin, &mut out[..n]);
+                (block.operations.coordinates)(value, &mut geo[..n]);
+                out[2] = -geo[2];
                 out[..n].iter_mut().for_each(|x| *x /= block.spec.display.scale);
             }
             _ => block.show(values, out),
@@ -277,7 +280,7 @@ impl BlockSeries {
             if t.is_finite() {
                 truth.push(recording, time, &[t / v.size])?;
             }
-            if d.is_finite() {
+            if d.is_finite() && !self.constant {
                 let [d, b] = [d / e.size, 3.0 * s / e.size];
                 error.push(recording, time, &[d, b, -b])?;
             }

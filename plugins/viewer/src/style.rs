@@ -14,19 +14,16 @@ pub const BOUND: Colour = [140, 148, 160];
 /// The colour of samples that the gate rejected.
 pub const GATED: Colour = [255, 0, 200];
 /// The colours of samples that were rejected before the gate, one for each reason.
-pub const REJECTED: [Colour; 4] = [[213, 94, 0], [240, 228, 66], [0, 158, 115], [86, 180, 233]];
+pub const REJECTED: [Colour; 4] = [[213, 94, 0], [240, 150, 90], [160, 70, 0], [250, 200, 160]];
 /// The colour of the filter beside the smoothed run.
 pub const FILTERED: Colour = [150, 110, 200];
 /// The colour of the magnitude of an error.
 pub const MAGNITUDE: Colour = [200, 200, 205];
 /// The colour of the 95 % band of a statistic.
 pub const BAND: Colour = [0, 158, 115];
-/// The colour of the start of a track.
-pub const START: Colour = [0, 158, 115];
-/// The colour of the end of a track.
-pub const STOP: Colour = [213, 94, 0];
-/// The colour of a sensor on the vehicle.
-pub const SENSOR: Colour = [230, 159, 0];
+/// The colour of the start and the end of a track, and of a sensor on the vehicle: their labels
+/// tell them apart.
+pub const MARK: Colour = [225, 228, 232];
 /// The colour of a beam.
 pub const BEAM: Colour = [240, 228, 66];
 /// The colour of the estimated track.

@@ -22,7 +22,7 @@ const TURNING: f64 = 0.0175;
 /// A place of the track.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
-    /// North, east, down from the origin, m.
+    /// North and east from the first position, and down from height zero, m.
     pub ned: [f32; 3],
     /// Latitude and longitude, deg.
     pub geo: [f64; 2],
@@ -39,8 +39,6 @@ pub struct Pose {
     pub place: Place,
     /// Attitude: x, y, z, w.
     pub attitude: [f32; 4],
-    /// Velocity north, east, down, m/s.
-    pub velocity: [f32; 3],
     /// Half axes of the ellipsoid of 3 sigma, m, and its orientation: x, y, z, w.
     pub ellipsoid: ([f32; 3], [f32; 4]),
 }
@@ -49,7 +47,6 @@ pub struct Pose {
 pub struct Motion {
     position: usize,
     attitude: Option<usize>,
-    velocity: Option<usize>,
     origin: Option<Vec<f64>>,
     /// The estimated track.
     pub estimate: Thinned<Place>,
@@ -100,6 +97,11 @@ impl Extent {
         }
     }
 
+    /// The level of the grid, m down: height zero, or the nearest level of a track far from it.
+    pub fn level(&self) -> f32 {
+        0.0_f32.max(self.low[2]).min(self.high[2])
+    }
+
     /// The middle, m, and the longest side, at least 1 m; `None` before the first place.
     pub fn middle(&self) -> Option<([f32; 3], f32)> {
         let side = (0..3).map(|k| self.high[k] - self.low[k]).fold(f32::NEG_INFINITY, f32::max);
@@ -115,7 +117,6 @@ impl Motion {
         Some(Self {
             position: vehicle.position?.slot(),
             attitude: vehicle.attitude.map(Handle::slot),
-            velocity: vehicle.velocity.map(Handle::slot),
             origin: None,
             estimate: Thinned::new(VERTICES),
             filtered: Thinned::new(VERTICES),
@@ -145,7 +146,7 @@ impl Motion {
         self.set_turn(epoch);
     }
 
-    /// A position of an epoch from the first one.
+    /// A position of an epoch from the place at height zero under the first one.
     fn place(&mut self, epoch: &Epoch<'_>, values: &[f64], sigma: f64) -> Place {
         let block = &epoch.layout.blocks[self.position];
         let value = &values[block.range()];
@@ -153,6 +154,7 @@ impl Motion {
         let (mut ned, mut geo) = ([0.0; 3], [0.0; 3]);
         (block.operations.local)(value, origin, &mut ned);
         (block.operations.coordinates)(value, &mut geo);
+        ned[2] = -geo[2];
         let geo = [geo[0].to_degrees(), geo[1].to_degrees()];
         Place { ned: ned.map(|x| x as f32), geo, sigma }
     }
@@ -207,11 +209,8 @@ impl Motion {
                 let q = of(slot);
                 [q[1], q[2], q[3], q[0]].map(|x| x as f32)
             });
-            let velocity =
-                self.velocity.map_or([0.0; 3], |slot| std::array::from_fn(|k| of(slot)[k] as f32));
             let ellipsoid = ellipsoid(&covariance);
-            let time = time.nanos();
-            self.poses.push(Pose { time, place: here, attitude, velocity, ellipsoid });
+            self.poses.push(Pose { time: time.nanos(), place: here, attitude, ellipsoid });
         }
     }
 }

@@ -11,7 +11,9 @@ mod common;
 
 use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
-use navfuse_core::model::record::{Derived, InputRejection, Record, Rejection};
+use navfuse_core::model::record::{
+    Derived, InputRejection, Outcome, Record, Rejection, UpdateRecord,
+};
 use navfuse_core::model::stream::Sink;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_rerun::{Rerun, Serve};
@@ -76,11 +78,11 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
     let rows = scalars(&path);
 
     // 21 components that are estimated: 3 x (attitude, velocity, position, two biases,
-    // misalignment, lever arm) + scale
-    for leaf in ["estimate", "truth", "error", "sigma"] {
+    // misalignment, lever arm) + scale; the truth of the first three varies
+    for (leaf, count) in [("estimate", 22), ("truth", 22), ("error", 9), ("sigma", 22)] {
         assert_eq!(
             rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(),
-            22,
+            count,
             "{leaf}"
         );
     }
@@ -211,6 +213,30 @@ fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities()
     let events = texts(&path, "/events", TextLog::descriptor_text().component);
     let text = "imu: channels are missing; look at its cable";
     assert!(events.iter().any(|event| event.ends_with(text)), "{events:?}");
+}
+
+#[test]
+fn a_sample_of_which_a_group_of_channels_is_gated_is_gated_until_the_whole_sample_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sink = record(folder.path(), 200, false);
+    let mut update = |k, outcome, present: u16| {
+        let (time, sensor) = (Synthetic::time(k), SensorId(1));
+        let n = present.count_ones() as usize;
+        let (innovation, covariance) = (&[0.0; 3][..n], &[1.0; 9][..n * n]);
+        let (nis, threshold) = (1.0, 16.27);
+        let record =
+            UpdateRecord { time, sensor, outcome, nis, threshold, present, innovation, covariance };
+        sink.take(&Record::Update(&record)).unwrap();
+    };
+    for k in 200..220 {
+        update(k, Outcome::Gated, 0b011);
+        update(k, Outcome::Accepted, 0b100);
+    }
+    (220..240).for_each(|k| update(k, Outcome::Accepted, 0b111));
+    sink.finish().unwrap();
+    let path = folder.path().join("run.rrd");
+    let states = texts(&path, "/health/dvl", StateChange::descriptor_state().component);
+    assert_eq!(states[states.len() - 3..], ["used", "gated", "used"], "{states:?}");
 }
 
 #[test]

@@ -75,10 +75,12 @@ pub fn trajectory(history: &RunHistory) -> Option<Figure> {
             .collect(),
         bands: Vec::new(),
     };
+    let start = &history.position()?.first;
+    let zero = start.estimate.get(2)? + start.error.get(2).copied().unwrap_or_default();
     let curves = both()
-        .map(|(n, look, t)| curve(n, *look, t.iter().map(|(time, p)| [*time, -p[2]])))
+        .map(|(n, look, t)| curve(n, *look, t.iter().map(|(time, p)| [*time, zero - p[2]])))
         .collect();
-    let height = over_time("height above the start", Axis::linear("up [m]"), curves, Vec::new());
+    let height = over_time("height", Axis::linear("height [m]"), curves, Vec::new());
     Some(Figure {
         name: "trajectory".into(),
         title: String::new(),
@@ -96,12 +98,13 @@ pub fn state(block: &BlockHistory) -> Option<Figure> {
     }
     let n = block.components.len();
     let constant = block.constant();
-    let value = |k| {
-        if constant { close(block, k, beside_truth(block, k, 1.0)) } else { error(block, k, 1.0) }
+    let value = |k| match constant {
+        true => close(block, k, beside_truth(block, k, 1.0)),
+        false => settled(block, k, error(block, k, 1.0)),
     };
-    // few components: two rows; many: the two panels of each component side by side
-    let (columns, panels): (usize, Vec<Panel>) = if n <= 4 {
-        (n.max(1), (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
+    // few components: two rows; one or many: the two panels of each component side by side
+    let (columns, panels): (usize, Vec<Panel>) = if (2..=4).contains(&n) {
+        (n, (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
     } else {
         (2, (0..n).flat_map(|k| [value(k), convergence(block, k)]).collect())
     };
@@ -167,6 +170,19 @@ pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     let title = format!("{} {}", block.name, block.axis(k));
     let curves = vec![curve("error", Look::Data(0), error)];
     over_time(title, Axis::linear(label("error", &block.unit)), curves, bands)
+}
+
+/// Restricts the panel of an error to the error and its bounds behind the first tenth of the run: a
+/// wide prior would flatten the rest. The panel of its magnitude shows the beginning.
+fn settled(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
+    if block.compared.is_none() {
+        return panel;
+    }
+    let [first, last] = [block.first.time, block.last.time];
+    let later = block.shown().filter(|r| r.time >= first + 0.1 * (last - first));
+    let size = |r: &Row| r.error.get(k).map_or(0.0, |e| e.abs()).max(3.0 * r.sigma[k]);
+    let size = 1.05 * later.map(size).fold(0.0, f64::max);
+    Panel { y: panel.y.within([-size, size]), ..panel }
 }
 
 /// Plots a component of a position relative to its first value.
@@ -258,7 +274,7 @@ pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
             over_time(name, Axis::linear(label("innovation", &unit)), curves, bands)
         })
         .collect();
-    let columns = panels.len().clamp(1, 3);
+    let columns = panels.len().clamp(2, 3);
     Some(Figure {
         name: format!("innovations-{}", sensor.name),
         title: String::new(),

@@ -9,6 +9,8 @@ use crate::sensors::SensorHistory;
 use navfuse_figures::{Axis, Band, Figure, Look, Panel};
 use statrs::distribution::{ContinuousCDF, Normal};
 
+/// Greatest number of channels beside one another.
+const COLUMNS: usize = 3;
 /// Fewest innovations that a figure shows something of.
 const FEWEST: u64 = 50;
 
@@ -61,23 +63,14 @@ pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
     let channels = sensor.channels.iter().zip(&sensor.updates.residuals);
     let known: Vec<_> = channels.filter(|(_, r)| r.count >= FEWEST).collect();
     let name = |channel: &str| crate::plots::channel(channel).0.to_owned();
-    let panels: Vec<Panel> = match known.len() {
-        0 => return None,
-        // a column for each channel, where the columns fit
-        2..=3 => (known.iter().map(|(channel, r)| distribution(r, &name(channel))))
-            .chain(known.iter().map(|(_, r)| autocorrelation(r)))
-            .collect(),
-        _ => (known.iter())
-            .flat_map(|(channel, r)| [distribution(r, &name(channel)), autocorrelation(r)])
-            .collect(),
-    };
-    let columns = if known.len() == 3 { 3 } else { 2 };
-    Some(Figure {
-        name: format!("residuals-{}", sensor.name),
-        title: String::new(),
-        columns,
-        panels,
-    })
+    // a column for each channel, in rows that fit
+    let (columns, mut panels) = (known.len().clamp(2, COLUMNS), Vec::new());
+    for row in known.chunks(if known.len() == 1 { 1 } else { columns }) {
+        panels.extend(row.iter().map(|(channel, r)| distribution(r, &name(channel))));
+        panels.extend(row.iter().map(|(_, r)| autocorrelation(r)));
+    }
+    let name = format!("residuals-{}", sensor.name);
+    (!known.is_empty()).then(|| Figure { name, title: String::new(), columns, panels })
 }
 
 /// Plots the separation of the filter from the smoother, the difference of the two estimates over

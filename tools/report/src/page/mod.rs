@@ -123,8 +123,8 @@ pub fn report(
                 section {
                     h2 { "Trajectory" }
                     (picture(&labelled(&figure, compared_with), &html! {
-                        "North, east and up from the first position, of the " (compared_with)
-                        " if it is known."
+                        "North and east from the first position, of the " (compared_with)
+                        " if it is known; height above the ellipsoid."
                     })?)
                 }
             }

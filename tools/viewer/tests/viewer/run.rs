@@ -22,9 +22,7 @@ const BOUND: [u8; 3] = [140, 148, 160];
 const GATED: [u8; 3] = [255, 0, 200];
 const BAND: [u8; 3] = [0, 158, 115];
 const USED: [u8; 3] = [0, 158, 115];
-const START: [u8; 3] = [0, 158, 115];
-const STOP: [u8; 3] = [213, 94, 0];
-const VELOCITY: [u8; 3] = [230, 159, 0];
+const MARK: [u8; 3] = [225, 228, 232];
 
 /// The names of views, and the colours that each shows.
 type Views = &'static [(&'static str, &'static [[u8; 3]])];
@@ -34,8 +32,8 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Overview"],
         &[
-            ("Track from above, coloured by its sigma", &[TRUTH, START, STOP]),
-            ("Follows the vehicle", &[BEAM]),
+            ("Track from above, coloured by its sigma", &[TRUTH, MARK]),
+            ("Follows the vehicle; ", &[BEAM]),
             ("Verdict and reasons", &[]),
             ("Health of the sensors", &[USED]),
         ],
@@ -43,8 +41,8 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Track"],
         &[
-            ("3-D track", &[TRUTH, START, VELOCITY]),
-            ("3-D, follows the vehicle", &[BEAM]),
+            ("3-D track", &[TRUTH, MARK]),
+            ("3-D, follows the vehicle; ", &[BEAM]),
             ("Map with tiles", &[TRUTH, RED]),
         ],
     ),
@@ -75,7 +73,10 @@ const PAGES: &[(&[&str], Views)] = &[
     (&["Calibration states", "dvl: lever arm"], &[("y [m]", &[GREEN, TRUTH, BOUND])]),
     (
         &["Sensors", "dvl"],
-        &[("dvl vel_x [mm/s]", &[RED, BOUND, GATED]), ("dvl NIS [10^y]", &[BLUE, BAND, GATED])],
+        &[
+            ("dvl vel_x [mm/s]", &[RED, BOUND, GATED]),
+            ("dvl NIS per channel [10^y]", &[BLUE, BAND, GATED]),
+        ],
     ),
     (&["Sensors", "depth"], &[("depth depth [mm]", &[RED, BOUND])]),
     (&["Sensors", "Samples"], &[("dvl samples [m/s]", &[RED, GREEN, BLUE])]),
@@ -120,8 +121,7 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
         let tab = page.join(" - ");
         viewer.settled(&tab);
         for (view, colours) in *views {
-            let id = layout.views.get(*view);
-            let id = id.unwrap_or_else(|| panic!("{view} is not among {:?}", layout.views.keys()));
+            let id = layout.view(view);
             let picture = viewer.screenshot(Some(id), &format!("{tab} - {view}"));
             for colour in *colours {
                 let n = count(&picture, *colour);
@@ -144,7 +144,7 @@ fn the_eye_of_the_overview_follows_the_vehicle() {
     let layout = Layout::read(&recording);
     let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
     viewer.wait(Synthetic::time(5999).nanos());
-    let view = &layout.views["Follows the vehicle"];
+    let view = layout.view("Follows the vehicle; ");
     for k in [1500, 4500] {
         viewer.seek(Synthetic::time(k).nanos());
         viewer.settled(&format!("at {k}"));
@@ -286,77 +286,4 @@ fn a_viewer_shows_a_run_that_is_sent_and_served_to_it() {
         .replace("%3A", ":")
         .replace("%2F", "/");
     Viewer::start(&program, Some(&url), &folder).wait(end);
-}
-
-/// The scenarios whose tabs are looked at one by one, and a campaign's figures.
-const SHOWN: [&str; 5] = ["pan-wu-3d", "auv", "surface-dive", "land-odometer", "snapir"];
-
-/// Makes pictures of every tab in the folder `rerun-pictures/NAME` of the build: `cargo test
-/// --workspace --test viewer -- --ignored`, after `cargo build`. `NAVFUSE_RECORDINGS` names other
-/// recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`; `NAVFUSE_DATA`
-/// is the folder with the recorded dive `snapir/T10`, without which that is left out.
-#[test]
-#[ignore = "makes pictures, tests nothing"]
-fn pictures_of_every_tab() {
-    let Some(program) = driver::program() else { return };
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let recordings: Vec<PathBuf> = match std::env::var("NAVFUSE_RECORDINGS") {
-        Ok(given) => given.split(',').map(|path| root.join(path)).collect(),
-        Err(_) => {
-            let runs = SHOWN.iter().filter_map(|name| run(&root, name));
-            runs.chain([campaign(&root)]).collect()
-        }
-    };
-    for recording in recordings {
-        let stem = recording.parent().and_then(Path::file_name).unwrap().to_string_lossy();
-        let folder = driver::target(&format!("rerun-pictures/{stem}"));
-        let layout = Layout::read(&recording);
-        let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
-        let end = viewer.loaded();
-        viewer.seek(end);
-        for (k, page) in layout.pages().into_iter().enumerate() {
-            viewer.show(&layout, &page);
-            viewer.settled(&format!("{k:02} {}", page.join(" - ")));
-        }
-        println!("{}", folder.display());
-    }
-}
-
-/// Runs a shipped scenario, and returns the recording; `None` for a recorded dive that is not
-/// there.
-fn run(root: &Path, name: &str) -> Option<PathBuf> {
-    let out = driver::target(&format!("rerun-pictures/runs/{name}"));
-    let scenario = format!("scenarios/{name}.toml");
-    let recorded = std::fs::read_to_string(root.join(&scenario)).unwrap().contains("[source.csv]");
-    let mut arguments = vec!["run".to_owned(), scenario];
-    if recorded {
-        let Some(data) = std::env::var_os("NAVFUSE_DATA") else {
-            println!("{name} is left out: NAVFUSE_DATA names no folder with {name}/T10");
-            return None;
-        };
-        let folder = Path::new(&data).join(name).join("T10");
-        arguments.extend(["--set".into(), format!("source.csv.directory={}", folder.display())]);
-    }
-    navfuse(root, &arguments, &out);
-    Some(out.join("run.rrd"))
-}
-
-/// Runs a small campaign, and returns its recording.
-fn campaign(root: &Path) -> PathBuf {
-    let out = driver::target("rerun-pictures/runs/campaign");
-    let arguments = ["monte-carlo", "scenarios/quickstart.toml", "--runs", "6"];
-    navfuse(root, &arguments.map(str::to_owned), &out);
-    out.join("campaign.rrd")
-}
-
-/// Runs the command of this build.
-fn navfuse(root: &Path, arguments: &[String], out: &Path) {
-    let command = driver::target("debug").join("navfuse");
-    let done = std::process::Command::new(&command)
-        .args(arguments)
-        .arg("--out")
-        .arg(out)
-        .current_dir(root)
-        .status();
-    assert!(done.is_ok_and(|s| s.success()), "{} {arguments:?}", command.display());
 }

@@ -142,21 +142,6 @@ impl Viewer {
         }
     }
 
-    /// Waits until the timeline does not grow for a second, and returns its end, ns.
-    pub fn loaded(&mut self) -> i64 {
-        let begun = Instant::now();
-        let mut before = None;
-        loop {
-            std::thread::sleep(Duration::from_secs(1));
-            let now = self.end();
-            match now {
-                Some(end) if now == before => return end,
-                _ => assert!(begun.elapsed() < PATIENCE, "not loaded"),
-            }
-            before = now;
-        }
-    }
-
     fn end(&mut self) -> Option<i64> {
         let recordings = self.recordings();
         let timelines = recordings.iter().flat_map(|r| &r.timelines);
@@ -336,6 +321,13 @@ impl Layout {
             }
         }
         layout
+    }
+
+    /// The id of the view with that name, or the first whose name begins so.
+    pub fn view(&self, name: &str) -> &str {
+        let begins = || self.views.iter().find(|(key, _)| key.starts_with(name)).map(|view| view.1);
+        let id = self.views.get(name).or_else(begins);
+        id.unwrap_or_else(|| panic!("{name} is not among {:?}", self.views.keys()))
     }
 
     /// The pages: the names of the tabs that lead to each.
