@@ -117,7 +117,7 @@ def test_a_vectorised_process_gives_the_same_estimates(car):
 
 def test_a_process_in_python_is_smoothed_and_reads_tables(car):
     filtered, smoothed = car.run(), car.smooth()
-    assert smoothed["car.place"].sigma[300, 0] < filtered["car.place"].sigma[300, 0]
+    assert smoothed["car.place"].sigma[150, 0] < filtered["car.place"].sigma[150, 0]
     time = np.arange(1.0, 11.0, 0.1)
     straight = {"time_s": time, "speed": np.full(time.size, 2.0), "turn": np.zeros(time.size)}
     alone = navfuse.Scenario.from_toml("[process.car]\n[sensor.car]").with_processes(Car)
