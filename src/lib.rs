@@ -142,6 +142,8 @@ enum Commands {
     Detect(commands::detect::Detect),
     /// Print how far each state would move if each error that nothing models had its usual size
     Sensitivity(commands::sensitivity::Sensitivity),
+    /// Print the error budget of dead reckoning by velocity log and heading
+    Budget(commands::budget::Budget),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
     Report(commands::report::Report),
     /// Compare runs: what differs in their scenarios and in their results
@@ -231,6 +233,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Sensitivity(arguments) => {
             commands::sensitivity::sensitivity(registry, &arguments)
         }
+        Commands::Budget(arguments) => commands::budget::budget(&arguments),
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
         #[cfg(feature = "rerun")]
         Commands::View(arguments) => commands::view::view(registry, &arguments),

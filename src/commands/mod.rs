@@ -1,6 +1,7 @@
 //! The subcommands, each with its arguments.
 
 pub mod bound;
+pub mod budget;
 pub mod calibrate;
 pub mod check;
 pub mod compare;

@@ -1,5 +1,6 @@
 //! Printing results for people and programs, and writing files.
 
+pub mod budget;
 pub mod campaign;
 pub mod compare;
 pub mod detect;

@@ -30,6 +30,8 @@ pub struct Process {
     pub kind: String,
     /// Model.
     pub model: Box<dyn ProcessModel>,
+    /// Set if the truth of all its blocks moves by its own equations, and with no trajectory.
+    pub wanders: bool,
     /// Index of the driving sensor.
     pub input: Option<usize>,
     /// Longest gap of that sensor that the model bridges, s, if it coasts on a longer one.

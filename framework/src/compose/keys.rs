@@ -18,8 +18,12 @@ pub const TYPE: &str = "type";
 pub const ENABLED: &str = "enabled";
 /// Key of a sensor's simulation, which the type of the sensor may extend.
 pub const SIMULATION: &str = "simulation";
+/// Key of a process whose truth moves by its own equations.
+pub const WANDER: &str = "wander";
 /// Keys of the tables of every kind.
 pub const TABLE_KEYS: [&str; 2] = [TYPE, ENABLED];
+/// Keys of the table of a process.
+pub const PROCESS_KEYS: [&str; 3] = [TYPE, ENABLED, WANDER];
 
 /// Defines the struct with the common keys of sensors, and the lists of its keys: the struct is the
 /// only place that names a key.

@@ -3,7 +3,7 @@
 use crate::checkpoint::saved;
 use crate::compose::draw::Draw;
 use crate::compose::{Composition, Process};
-use crate::model::process::ProcessModel;
+use crate::model::process::{Interval, ProcessModel};
 use crate::model::simulate::Random;
 use crate::state::covariance::Transition;
 use crate::state::manifold::MAX_TANGENT;
@@ -67,13 +67,13 @@ impl TrueState {
     pub fn of(composition: &Composition) -> Self {
         let layout = &composition.layout;
         let mut truth = Self::new(layout, composition.seed, composition.start());
-        if composition.estimator.draw == Draw::All {
-            for process in &composition.processes {
-                let moving = Moving::new(layout, process, composition.seed, &truth.state);
-                if !moving.slots.is_empty() {
-                    moving.slots.iter().for_each(|slot| truth.known[*slot] = true);
-                    truth.moving.push(moving);
-                }
+        let drawn = composition.estimator.draw == Draw::All;
+        for process in composition.processes.iter().filter(|p| drawn || p.wanders) {
+            let noise_free = (!drawn).then(|| composition.transition.clone());
+            let moving = Moving::new(layout, process, composition.seed, &truth.state, noise_free);
+            if !moving.slots.is_empty() {
+                moving.slots.iter().for_each(|slot| truth.known[*slot] = true);
+                truth.moving.push(moving);
             }
         }
         truth
@@ -120,6 +120,8 @@ fn between(block: &Block, [before, after]: [&[f64]; 2], part: f64, state: &mut S
 #[derive(Clone)]
 struct Moving {
     process: Box<dyn ProcessModel>,
+    /// Work space of a truth without noise.
+    noise_free: Option<Transition>,
     random: Random,
     slots: Vec<usize>,
     /// Values at the previous draw, and the state at the next.
@@ -135,8 +137,15 @@ impl std::fmt::Debug for Moving {
 }
 
 impl Moving {
-    fn new(layout: &Layout, process: &Process, seed: u64, truth: &State) -> Self {
+    fn new(
+        layout: &Layout,
+        process: &Process,
+        seed: u64,
+        truth: &State,
+        noise_free: Option<Transition>,
+    ) -> Self {
         Self {
+            noise_free,
             slots: process.wandering(layout),
             process: process.model.boxed_clone(),
             random: Random::new(seed, &format!("truth of {}", process.name)),
@@ -152,7 +161,14 @@ impl Moving {
         for w in wandering {
             self.after.values[layout.blocks[w.slot].range()].copy_from_slice(&w.before);
         }
-        self.process.wander(layout, &mut self.after, &mut self.known, dt, &mut self.random);
+        let Self { process, noise_free, random, after, known, .. } = self;
+        let Some(transition) = noise_free else {
+            return process.wander(layout, after, known, dt, random);
+        };
+        let interval = Interval { from: Time::default(), to: Time::default() + STEP, input: None };
+        if process.propagate(layout, after, &interval, transition).is_err() {
+            after.values.fill(f64::NAN);
+        }
     }
 }
 

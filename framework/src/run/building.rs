@@ -3,11 +3,11 @@
 
 use crate::compose::draw::{self, Draw};
 use crate::compose::estimator::Creator;
-use crate::compose::keys::SensorKeys;
+use crate::compose::keys::{SensorKeys, WANDER};
 use crate::compose::settings::{EstimatorConfig, Initial};
 use crate::compose::{self, Composer, Composition, Process, correlated, time_offset, truth};
 use crate::document::{DocumentError, Node};
-use crate::model::process::BuiltProcess;
+use crate::model::process::{BuiltProcess, ProcessModel, Wanderer};
 use crate::model::sensor::limits;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::model::simulate::fault::Injector;
@@ -133,6 +133,9 @@ impl<'a> Building<'a> {
                 }
                 index
             });
+            let wanders = part.wanders()?;
+            let model: Box<dyn ProcessModel> =
+                if wanders { Box::new(Wanderer(model)) } else { model };
             self.processes.push(Process {
                 name: part.name.to_owned(),
                 kind: part.entry.name.to_string(),
@@ -141,6 +144,7 @@ impl<'a> Building<'a> {
                 screening,
                 monitor,
                 model,
+                wanders,
                 input,
                 coasts_after,
                 biases,
@@ -224,6 +228,7 @@ impl<'a> Building<'a> {
             draw::draw(&mut layout, &moved, header.seed);
         }
         truth::settle(&mut layout, &transition, &moved, &self.processes);
+        self.check_wandering(&layout)?;
         let referenced = |name: &String| layout.blocks.iter().position(|b| b.name == *name);
         Ok(Composition {
             referenced: needing.iter().filter_map(referenced).collect(),
@@ -258,6 +263,23 @@ impl<'a> Building<'a> {
         }
         let message = "nothing is estimated: add a process model, such as [process.ins]";
         Err(self.root.error(message))
+    }
+
+    /// Rejects the key `wander` of a process that moves no truth.
+    fn check_wandering(&self, layout: &Layout) -> Result<(), DocumentError> {
+        let idle = |p: &&Process| p.wanders && p.wandering(layout).is_empty();
+        match self.processes.iter().find(idle) {
+            None => Ok(()),
+            Some(process) => {
+                let message = format!(
+                    "a process of type {} does not move the truth: a sensor drives it, or it has no \
+                     `wander`; remove this key",
+                    process.kind
+                );
+                let table = process_place(&self.root, &process.name);
+                Err(table.get(WANDER).unwrap_or(table).error(message))
+            }
+        }
     }
 
     /// Rejects a driving sensor that drives no process.

@@ -1,12 +1,18 @@
 //! The tables of a scenario that name a registered type: processes, sensors, sources and sinks.
 
-use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TABLE_KEYS, TYPE};
+use crate::compose::keys::{
+    ENABLED, PROCESS_KEYS, SIMULATION, SensorKeys, TABLE_KEYS, TYPE, WANDER,
+};
 use crate::document::{DocumentError, Inside, Node, did_you_mean};
 use crate::plugin::{Entry, Kind, Registry};
 
 /// The keys that the framework takes from every table of a kind, beside the keys of its type.
 pub fn common_keys(kind: Kind) -> &'static [&'static str] {
-    if kind == Kind::Sensor { SensorKeys::TABLE_KEYS } else { &TABLE_KEYS }
+    match kind {
+        Kind::Sensor => SensorKeys::TABLE_KEYS,
+        Kind::Process => &PROCESS_KEYS,
+        _ => &TABLE_KEYS,
+    }
 }
 
 /// One enabled table of a kind: name, type and place.
@@ -24,6 +30,11 @@ impl Part<'_> {
             [] => node,
             keys => node.inside(Inside { key: SIMULATION, keys, others: false }),
         }
+    }
+
+    /// Returns `true` if the truth of a process moves by its own equations.
+    pub fn wanders(&self) -> Result<bool, DocumentError> {
+        self.node.get(WANDER).map_or(Ok(false), |wander| wander.parse())
     }
 
     /// The keys of the framework in the table of a sensor.

@@ -1,6 +1,6 @@
 //! The JSON Schema of scenarios, and the parameters of types as rows to print.
 
-use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TYPE};
+use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TYPE, WANDER};
 use crate::compose::settings::EstimatorConfig;
 use crate::plugin::{Entry, Kind, Registry};
 use crate::run::rules::Rules;
@@ -159,6 +159,11 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         ENABLED.into(),
         json!({ "type": "boolean", "description": "false leaves it out. Default: true" }),
     );
+    if entry.kind == Kind::Process {
+        let about = "Simulation only: the truth moves by the equations and the noise of the process, \
+                     and not with the trajectory. Default: false";
+        common.insert(WANDER.into(), json!({ "type": "boolean", "description": about }));
+    }
     if entry.kind == Kind::Sensor
         && let Value::Object(policy) = inline::<SensorKeys>(definitions)
         && let Some(Value::Object(keys)) = policy.get("properties")

@@ -168,7 +168,15 @@ impl ProcessModel for ClockModel {
 /// Comparison of the receiver's clock with a better one.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Comparison {}
+struct Comparison {
+    /// State that is compared.
+    #[serde(default = "offset")]
+    of: String,
+}
+
+fn offset() -> String {
+    "offset".into()
+}
 
 struct Offset(Handle<Scalar>);
 
@@ -178,7 +186,7 @@ impl SensorType for Comparison {
         vec![Channel::new("offset", "m")]
     }
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        Ok(Role::measurement(Offset(composer.find("clock", "clock.offset")?)))
+        Ok(Role::measurement(Offset(composer.find("of", &format!("clock.{}", self.of))?)))
     }
 }
 
@@ -191,6 +199,53 @@ impl MeasurementModel<1> for Offset {
     }
 }
 
+/// A float: its place and velocity along one line, pushed by white acceleration.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Float {}
+
+#[derive(Clone)]
+struct FloatStep([Handle<Scalar>; 2]);
+
+impl ProcessType for Float {
+    const TYPE: &'static str = "float";
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let mut state = |name: &str, sigma: f64| {
+            let display = Display { unit: "m", scale: 1.0, components: &["float"] };
+            let (mode, dynamics) = (Mode::Estimate, Dynamics::Constant);
+            let (initial, sigma) = (vec![0.0], vec![sigma]);
+            let spec = BlockSpec { mode, initial, sigma, truth: None, dynamics, display };
+            composer.block::<Scalar>(name, spec)
+        };
+        let states = [state("place", 10.0)?, state("velocity", 1.0)?];
+        Ok(composer.step(FloatStep(states)))
+    }
+}
+
+impl Step for FloatStep {
+    fn step<T: Real>(
+        &self,
+        x: &View<'_, T>,
+        _: Option<&Input<'_>>,
+        dt: f64,
+        next: &mut Moved<'_, T>,
+    ) {
+        let [place, velocity] = self.0;
+        let speed = x.get(velocity);
+        next.set(place, &(x.get(place) + speed * convert(dt)));
+        next.set(velocity, &speed);
+    }
+    fn noise(&self, _: &View<'_, f64>, noise: &mut Densities<'_>) {
+        noise.white(self.0[1], &[1.0]);
+    }
+    fn follow(&self, layout: &Layout, _: &Motion, state: &mut State, known: &mut [bool]) {
+        self.0.iter().for_each(|block| {
+            state.set(layout, *block, &0.0);
+            known[block.slot()] = true;
+        });
+    }
+}
+
 /// The plugins of this file.
 fn registry() -> Registry {
     let mut registry = Registry::new();
@@ -199,6 +254,7 @@ fn registry() -> Registry {
     registry.sensor::<VisualOdometry>();
     registry.sensor::<Comparison>();
     registry.process::<Clock>();
+    registry.process::<Float>();
     registry
 }
 
@@ -345,6 +401,39 @@ fn a_clock_whose_truth_wanders_is_judged_by_it() {
     // the drift alone has a sigma of sqrt(0.01 * 120) = 1.1 m/s at the end
     let (first, last) = (judge.truths[0], judge.truths[judge.truths.len() - 1]);
     assert!((last - first).abs() > 3.0, "{first} {last}");
+}
+
+/// A float that its trajectory leaves at rest, at sea, whose place is compared once a second. 60 runs,
+/// as above.
+#[test]
+fn a_truth_that_moves_by_the_process_is_a_draw_of_its_noise() {
+    let float = RECEIVER.replace("[process.clock]", "[process.clock]\ntype = \"float\"");
+    let float = float.replace("[sensor.comparison]", "[sensor.comparison]\nof = \"place\"");
+    let wandering = float.replace("\"float\"", "\"float\"\nwander = true");
+    let [anees, anis] = consistency(&wandering, 60, (2, 1));
+    assert!((anees - 1.0).abs() < 0.43, "{anees}");
+    assert!((anis - 1.0).abs() < 0.056, "{anis}");
+    // the trajectory is no draw of the acceleration of 1 m/s^2/sqrt(Hz): 200 runs of the textbook's
+    // filter have a mean NIS of 0.75, with a sigma of 0.10 in each
+    let reference =
+        "[sensor.reference]\nsimulation = { rate = \"1 Hz\" }\n[source.simulation.start]";
+    let followed = float.replace("[source.simulation.start]", reference);
+    let [_, anis] = consistency(&followed, 20, (2, 1));
+    assert!((anis - 0.75).abs() < 0.08, "{anis}");
+    // without the draw the truth moves as well, and without noise
+    let (finished, judge) = run(&wandering, &["estimator.draw=\"nothing\"".to_owned()]);
+    assert!(finished.summary.rows.iter().all(|row| row.error.is_some()));
+    assert!(judge.truths.iter().all(|truth| *truth == 0.0));
+}
+
+#[test]
+fn the_truth_of_a_driven_process_does_not_wander() {
+    let document = Document::parse("past.toml", CAMERA).unwrap();
+    let registry = registry();
+    let wander = ["process.ins.wander=true".to_owned()];
+    let text = Scenario::new(&registry, document, &wander).unwrap().compose();
+    let text = text.map(|_| ()).unwrap_err().to_string();
+    assert!(text.contains("a process of type ins does not move the truth"), "{text}");
 }
 
 #[test]

@@ -3,8 +3,10 @@
 //! The scenario is run again with every plausible error put right, such as a lag, a lever arm, a
 //! unit or the axes of an instrument, and the likelihoods of the same samples are compared. With the
 //! usual size of everything that it does not model, the same runs give the sensitivity of the result.
+//! [`budget`] needs no samples: it is the error of dead reckoning by a velocity log and a heading.
 
 mod apply;
+mod budget;
 mod causes;
 mod detect;
 mod likelihood;
@@ -17,6 +19,7 @@ mod sensitivity;
 mod trial;
 
 pub use apply::apply;
+pub use budget::{Cause, Course, Legs, Share, budget};
 pub use detect::{
     Counts, Detection, Finding, Kind, Kinds, Plainness, Row as KindRow, counts, detect,
 };

@@ -10,9 +10,11 @@ pub mod screening;
 pub mod start;
 mod step;
 mod stepping;
+mod wanderer;
 
 pub use process::{BuiltProcess, Input, Interval, OwnDynamics, ProcessModel};
 pub use process_error::{ProcessError, ProcessErrorKind};
 pub use product::Product;
 pub use step::{Densities, Moved, Step};
 pub(crate) use stepping::Stepping;
+pub(crate) use wanderer::Wanderer;
