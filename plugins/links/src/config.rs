@@ -150,7 +150,7 @@ impl Format {
 }
 
 /// The clock of this computer, in nanoseconds since 1970.
-fn unix_time() -> i64 {
+pub fn unix_time() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -17,6 +17,7 @@ const BETWEEN_REPORTS: Duration = Duration::from_secs(10);
 pub struct PortFeed {
     /// The samples in the bytes of the port.
     pub samples: Box<dyn Source>,
+    /// Remarks of the port for the log.
     pub remarks: Receiver<Remark>,
     /// Set for a port that makes its sender wait while the run is behind.
     pub waits: bool,

@@ -17,9 +17,12 @@ mod sentence;
 mod serial;
 mod sink;
 
-pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
+pub use blend::Blend;
+pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample, unix_time};
+pub use feed::PortFeed;
 pub use instrument::{write_fix, write_water_linked};
 pub use mavlink::{Autopilot, MavlinkFormat, MavlinkMessage};
+pub use port::Remark;
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
 pub use serial::{Serial, serial_port};

@@ -25,7 +25,9 @@ pub const MISSING: u64 = 0x7ff8_0000_6d69_7373;
 /// A time in the form of ROS: whole seconds, rounded down, and nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
+    /// Seconds.
     pub sec: i32,
+    /// Nanoseconds, below a second.
     pub nanosec: u32,
 }
 
@@ -50,6 +52,30 @@ impl Stamp {
     pub fn time(self) -> Time {
         Time::from_nanos(i64::from(self.sec) * Self::NANOS + i64::from(self.nanosec))
     }
+}
+
+/// State of a part of a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Health {
+    /// It works.
+    Ok,
+    /// It works in part.
+    Warn,
+    /// It gives nothing.
+    Stale,
+}
+
+/// The state of a sensor as a status of `diagnostic_msgs/DiagnosticArray`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnosis {
+    /// Name of the sensor.
+    pub name: String,
+    /// State.
+    pub health: Health,
+    /// State in words.
+    pub text: &'static str,
+    /// Further values, each with its name.
+    pub values: Vec<(&'static str, String)>,
 }
 
 /// Appends one message to a buffer.
@@ -184,6 +210,27 @@ impl<'a> Encoder<'a> {
             self.0.write_string(link.child);
             self.numbers(link.translation.as_slice());
             self.quaternion(&link.rotation);
+        }
+    }
+
+    /// `diagnostic_msgs/DiagnosticArray`.
+    pub fn diagnostics(mut self, stamp: Stamp, sensors: &[Diagnosis]) {
+        self.header(stamp, "");
+        self.0.write_sequence_length(sensors.len());
+        for sensor in sensors {
+            self.0.write_u8(match sensor.health {
+                Health::Ok => 0,
+                Health::Warn => 1,
+                Health::Stale => 3,
+            });
+            for text in [&sensor.name, sensor.text, ""] {
+                self.0.write_string(text);
+            }
+            self.0.write_sequence_length(sensor.values.len());
+            for (key, value) in &sensor.values {
+                self.0.write_string(key);
+                self.0.write_string(value);
+            }
         }
     }
 

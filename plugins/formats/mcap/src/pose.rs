@@ -6,7 +6,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 /// A frame in its parent.
 #[derive(Clone, Copy, Debug)]
 pub struct Link<'a> {
+    /// Name of the parent.
     pub parent: &'a str,
+    /// Name of the child.
     pub child: &'a str,
     /// Origin of the child along the axes of the parent, m.
     pub translation: Vector3<f64>,

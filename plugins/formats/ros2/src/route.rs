@@ -1,7 +1,7 @@
 //! The way from a topic to a sensor: what is read of its messages, and their clock.
 
 use crate::bag::{Message, Topic};
-use crate::config::{MessageField, Ros2, Stamping, TopicConfig};
+use crate::config::{MessageField, Stamping, TopicConfig};
 use crate::definition::{Definitions, Kind};
 use crate::form::{Converter, Form, Unused};
 use crate::program::{Program, SLOTS, Slots};
@@ -132,7 +132,7 @@ pub fn stamp_path(definitions: &Definitions, kind: &str) -> Option<&'static str>
 /// # Errors
 /// When its keys contradict each other or the sensor.
 pub fn routes(
-    source: &Ros2,
+    stamp: Stamping,
     config: &TopicConfig,
     sensor: SensorId,
     info: &SensorInfo,
@@ -171,7 +171,7 @@ pub fn routes(
         sensor,
         name: info.name.clone(),
         topic,
-        stamping: config.stamp.unwrap_or(source.stamp),
+        stamping: config.stamp.unwrap_or(stamp),
         config: config.clone(),
         channels: info.channels.clone(),
         fields,
@@ -281,14 +281,29 @@ impl Route {
         Ok((channel, scale, field.offset.unwrap_or(0.0)))
     }
 
-    /// Takes a message.
+    /// Takes a message, whose sample leaves by the clock.
     pub fn take(&mut self, reading: &Reading, message: &Message<'_>) {
+        if let Some((stamp, sample)) = self.read(reading, message) {
+            self.clock.push(stamp, message.offset, (message.received, sample));
+        }
+    }
+
+    /// The sample of a message by its own stamp, whatever came before.
+    pub fn sample_now(&mut self, reading: &Reading, message: &Message<'_>) -> Option<Sample> {
+        let (stamp, mut sample) = self.read(reading, message)?;
+        sample.time = Time::from_nanos(self.clock.at_once(stamp, message.offset)?);
+        self.samples += 1;
+        Some(sample)
+    }
+
+    /// The stamp and the sample of a message.
+    fn read(&mut self, reading: &Reading, message: &Message<'_>) -> Option<(Stamp, Sample)> {
         self.messages += 1;
         let mut slots: Slots = [f64::NAN; SLOTS];
         if let Err(error) = reading.program.read(message.data, &mut slots) {
             self.malformed.add(message.offset);
             self.first_malformed.get_or_insert_with(|| error.to_string());
-            return;
+            return None;
         }
         let received = message.received;
         let stamp = match reading.stamp {
@@ -303,11 +318,11 @@ impl Route {
             }
         };
         let mut sample = Sample::empty(Time::MIN, self.sensor);
-        let used = reading.content.fill(&slots[OWN..], &mut sample);
-        match used {
-            Ok(()) => self.clock.push(stamp, message.offset, (received, sample)),
-            Err(why) => self.unused[why as usize].add(message.offset),
+        if let Err(why) = reading.content.fill(&slots[OWN..], &mut sample) {
+            self.unused[why as usize].add(message.offset);
+            return None;
         }
+        Some((stamp, sample))
     }
 
     /// Describes what was wrong with the messages.

@@ -1,10 +1,10 @@
 //! The source: the samples of all sensors, from one pass through the bag.
 
-use crate::bag::Bag;
+use crate::bag::{Bag, Message};
 use crate::config::Ros2;
+use crate::intake::Intake;
 use crate::order::Order;
-use crate::relative::Chains;
-use crate::route::{Reading, Route, routes};
+use crate::route::Route;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
@@ -32,29 +32,15 @@ impl SourceType for Ros2 {
         let window = Span::from_seconds(wait).filter(|w| w.nanos() >= 0).ok_or_else(|| {
             StreamError::scenario("it is a time from 0 s to 73 years").at_key("wait")
         })?;
-        let mut all = Vec::new();
-        for (name, config) in &self.sensors {
-            let sensor = context.sensor(name).map_err(|e| e.at_key(format!("sensors.{name}")))?;
-            if let Some((sensor, info)) = sensor {
-                all.extend(routes(&self, config, sensor, info, zero)?);
-            }
-        }
-        if all.is_empty() && context.disabled_sensors.is_empty() {
-            let message = "no sensor receives a topic";
-            return Err(StreamError::scenario(message)
-                .at_key("sensors")
-                .with_remedy("name them, such as sensors.imu = { topic = \"/imu/data\" }"));
-        }
+        let intake = Intake::new(&self.sensors, self.stamp, zero, context)?;
         let mut stream = Stream {
             bag: Bag::open(&paths)?,
-            routes: all,
-            readings: Vec::new(),
+            intake,
             order: Order::new(window.nanos()),
-            chains: Chains::default(),
             ready: None,
             ended: false,
         };
-        if !stream.routes.is_empty() {
+        if !stream.intake.routes.is_empty() {
             stream.start()?;
         }
         Ok(vec![Box::new(stream)])
@@ -64,11 +50,9 @@ impl SourceType for Ros2 {
 /// The samples of a bag.
 struct Stream {
     bag: Bag,
-    routes: Vec<Route>,
-    /// For each topic of the bag, the routes from it and how its messages are read.
-    readings: Vec<Vec<(usize, Reading)>>,
+    /// The topics of the bag so far.
+    intake: Intake,
     order: Order,
-    chains: Chains,
     /// The first sample, which was read when the bag was opened.
     ready: Option<Sample>,
     ended: bool,
@@ -81,7 +65,7 @@ impl Stream {
         if self.ready.is_some() {
             return Ok(());
         }
-        let wanted: Vec<&str> = self.routes.iter().map(|r| r.topic.as_str()).collect();
+        let wanted: Vec<&str> = self.intake.routes.iter().map(|r| r.topic.as_str()).collect();
         let topics: Vec<String> = self
             .bag
             .topics()
@@ -103,14 +87,14 @@ impl Stream {
     fn advance(&mut self) -> Result<Option<Sample>, StreamError> {
         loop {
             while let Some(mut sample) = self.order.pop() {
-                if self.chains.increment(&mut sample) {
+                if self.intake.chains.increment(&mut sample) {
                     return Ok(Some(sample));
                 }
             }
             if self.ended {
                 return Ok(None);
             }
-            let routes = &mut self.routes;
+            let routes = &mut self.intake.routes;
             let wanted = |name: &str| routes.iter().any(|r| r.topic == name);
             let Some(message) = self.bag.next(|topic| wanted(&topic.name))? else {
                 self.ended = true;
@@ -123,66 +107,39 @@ impl Stream {
             };
             self.order.now(message.received);
             let topic = message.topic;
-            if let Some(readings) = self.readings.get(topic) {
-                for (k, reading) in readings {
-                    routes[*k].take(reading, &message);
-                    release(&mut routes[*k], &mut self.order, message.offset);
-                }
+            if topic < self.intake.added() {
+                read(&mut self.intake, &mut self.order, &message);
                 continue;
             }
-            let message = (message.received, message.offset, message.data.to_vec());
-            self.describe_topics()?;
-            let data = crate::bag::Message {
-                topic,
-                received: message.0,
-                offset: message.1,
-                data: &message.2,
-            };
-            for (k, reading) in self.readings.get(topic).into_iter().flatten() {
-                self.routes[*k].take(reading, &data);
-                release(&mut self.routes[*k], &mut self.order, data.offset);
+            let data = message.data.to_vec();
+            let (received, offset) = (message.received, message.offset);
+            for topic in &self.bag.topics()[self.intake.added()..] {
+                self.intake.add(topic).map_err(|e| e.in_file(self.bag.path()))?;
             }
+            let message = Message { topic, received, offset, data: &data };
+            read(&mut self.intake, &mut self.order, &message);
         }
-    }
-
-    /// Finds the routes of the topics that are new.
-    fn describe_topics(&mut self) -> Result<(), StreamError> {
-        for topic in &self.bag.topics()[self.readings.len()..] {
-            let mut found = Vec::new();
-            for (k, route) in self.routes.iter().enumerate() {
-                if route.topic != topic.name {
-                    continue;
-                }
-                let reading = route.reading(topic).map_err(|e| e.in_file(self.bag.path()))?;
-                if let Some(chain) = reading.chain() {
-                    self.chains.add(route.sensor, &topic.name, chain).map_err(|other| {
-                        let text = format!(
-                            "the poses of {other} and {} have no motion in common",
-                            topic.name
-                        );
-                        StreamError::scenario(text)
-                            .at_key(format!("sensors.{}.more", route.name))
-                            .with_remedy("give each topic a sensor of its own")
-                    })?;
-                }
-                found.push((k, reading));
-            }
-            self.readings.push(found);
-        }
-        Ok(())
     }
 
     /// All that was wrong with the bag so far.
     fn warnings(&self) -> Option<String> {
         let mut parts = Vec::new();
         parts.extend(self.bag.faults());
-        parts.extend(self.routes.iter().filter_map(Route::describe));
+        parts.extend(self.intake.warnings());
         let late = "left out, received too long after messages with later stamps, raise `wait`,";
         parts.extend(self.order.late.describe("message", late));
-        for route in self.routes.iter().filter(|r| r.messages == 0) {
+        for route in self.intake.routes.iter().filter(|r| r.messages == 0) {
             parts.push(format!("{}: no message for {}", route.topic, route.name));
         }
         (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// Reads a message for each of its routes.
+fn read(intake: &mut Intake, order: &mut Order, message: &Message<'_>) {
+    for (route, reading) in intake.of(message.topic) {
+        route.take(reading, message);
+        release(route, order, message.offset);
     }
 }
 

@@ -119,6 +119,16 @@ impl<T> Clock<T> {
         }
     }
 
+    /// The time of a record on the run's clock in nanoseconds, whatever came before; counts a record
+    /// without one.
+    pub fn at_once(&mut self, stamp: Stamp, offset: u64) -> Option<i64> {
+        let time = self.time(stamp);
+        if time.is_none() {
+            self.missing.add(offset);
+        }
+        time
+    }
+
     /// Takes the end of the file.
     pub fn finish(&mut self) {
         if let Some((time, offset, record)) = self.held.take() {
