@@ -3,7 +3,7 @@
 use super::*;
 
 /// The programs.
-pub const PROGRAMS: [Program; 5] = [
+pub const PROGRAMS: [Program; 6] = [
     Program {
         name: "JSON, an object in each line, of several kinds",
         write: |recorded, folder| {
@@ -70,6 +70,17 @@ pub const PROGRAMS: [Program; 5] = [
         },
     },
     Program {
+        name: "easting and northing of UTM",
+        write: |recorded, folder| {
+            let head = "time,easting,northing,height,zone";
+            let text = table(head, &recorded["gnss"], |(t, v)| {
+                let [east, north] = utm(v[0], v[1] - 9_f64.to_radians());
+                format!("{},{east:.3},{north:.3},{:.3},32N", seconds(*t), v[2])
+            });
+            fixes_of(recorded, folder, &text, 0)
+        },
+    },
+    Program {
         name: "degrees, minutes and seconds in three columns",
         write: |recorded, folder| {
             let head = "time,lat_d,lat_m,lat_s,lon_d,lon_m,lon_s,height";
@@ -81,3 +92,26 @@ pub const PROGRAMS: [Program; 5] = [
         },
     },
 ];
+
+/// Easting and northing, m, at a latitude and a longitude from the central meridian, rad, by the
+/// series of Snyder, *Map projections: a working manual* (1987), equations 8-9 to 8-13 and 3-21.
+fn utm(latitude: f64, longitude: f64) -> [f64; 2] {
+    let (a, f) = (6_378_137.0, 1.0 / 298.257_223_563);
+    let e2: f64 = f * (2.0 - f);
+    let (sin, cos) = latitude.sin_cos();
+    let second = e2 / (1.0 - e2);
+    let (t, c, x) = ((sin / cos).powi(2), second * cos * cos, longitude * cos);
+    let n = a / (1.0 - e2 * sin * sin).sqrt();
+    let m = a
+        * ((1.0 - e2 / 4.0 - 3.0 * e2.powi(2) / 64.0 - 5.0 * e2.powi(3) / 256.0) * latitude
+            - (3.0 * e2 / 8.0 + 3.0 * e2.powi(2) / 32.0 + 45.0 * e2.powi(3) / 1024.0)
+                * (2.0 * latitude).sin()
+            + (15.0 * e2.powi(2) / 256.0 + 45.0 * e2.powi(3) / 1024.0) * (4.0 * latitude).sin()
+            - 35.0 * e2.powi(3) / 3072.0 * (6.0 * latitude).sin());
+    let third = (1.0 - t + c) * x.powi(3) / 6.0;
+    let fifth = (5.0 - 18.0 * t + t * t + 72.0 * c - 58.0 * second) * x.powi(5) / 120.0;
+    let fourth = (5.0 - t + 9.0 * c + 4.0 * c * c) * x.powi(4) / 24.0;
+    let east = 500_000.0 + 0.9996 * n * (x + third + fifth);
+    let north = 0.9996 * (m + n * (sin / cos) * (x * x / 2.0 + fourth));
+    [east, north]
+}

@@ -2,6 +2,7 @@
 
 use crate::config::{Column, FileConfig, Notation};
 use crate::headings::Wanted;
+use crate::map::Zone;
 use crate::stamp::TimeCell;
 use csv::ByteRecord;
 use nalgebra::Vector3;
@@ -26,6 +27,8 @@ pub struct ChannelCell {
     axis: usize,
     /// Column of the course.
     course: Option<usize>,
+    /// Column of the northing of a position on a map, and its zone.
+    map: Option<(usize, Zone)>,
     /// Pressure at the surface, Pa, and pascals of one metre of water, for a depth from a pressure.
     pressure: Option<[f64; 2]>,
 }
@@ -40,14 +43,21 @@ const LONGEST: usize = 64;
 impl ChannelCell {
     /// The value of a row in SI: `None` for an empty cell, NaN for one that holds no number.
     pub fn value(&self, record: &ByteRecord) -> Option<f64> {
-        let cell = |k: usize| record.get(self.column + k).unwrap_or_default().trim_ascii();
+        let text = |k: usize| record.get(k).unwrap_or_default().trim_ascii();
+        let cell = |k: usize| text(self.column + k);
         if cell(0).is_empty() {
             return None;
         }
-        let number = |k: usize| -> f64 {
-            let text = std::str::from_utf8(cell(k)).ok();
+        let parsed = |text: &[u8]| -> f64 {
+            let text = std::str::from_utf8(text).ok();
             text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
         };
+        let number = |k: usize| parsed(cell(k));
+        if let Some((north, zone)) = self.map {
+            let place = zone.position([number(0), parsed(text(north))]);
+            // zero is a receiver without a fix
+            return Some(if number(0) == 0.0 { f64::NAN } else { place[self.axis] });
+        }
         let number = match self.notation {
             Notation::Decimal => number(0) * self.along(record),
             Notation::DegreesMinutes => {
@@ -158,7 +168,8 @@ pub fn channel_cells(
         let si = if pressure.is_some() { "Pa" } else { si };
         let notation = given.map_or_else(Notation::default, |g| g.notation);
         let earth_fixed = notation == Notation::EarthFixed;
-        let unit = unit.or(earth_fixed.then_some(c.unit));
+        let zone = given.and_then(|g| g.zone.as_deref());
+        let unit = unit.or((earth_fixed || zone.is_some()).then_some(c.unit));
         let wanted = Wanted { name, si, column, unit, key: &key, others: &others };
         let last = channel + 1 == info.channels.len();
         let input = info.purpose == Purpose::Input && !part;
@@ -172,12 +183,14 @@ pub fn channel_cells(
         let place = |names: &[&str]| names.iter().position(|name| *name == &*c.name);
         let course = given.and_then(|g| g.course.as_ref());
         let axis = match (earth_fixed, course) {
+            _ if zone.is_some() => place(&POSITION[..2]),
             (true, _) => place(&POSITION),
             (false, Some(_)) => place(&COURSE),
             (false, None) => Some(0),
         };
         let Some(axis) = axis else {
-            let message = "lat, lon and height may be earth-fixed, vel_n and vel_e have a course";
+            let message = "lat, lon and height may be earth-fixed, lat and lon have a zone, vel_n and \
+                           vel_e a course";
             return Err(StreamError::scenario(format!("{key}: {message}")));
         };
         let index = |heading: &String| {
@@ -185,8 +198,17 @@ pub fn channel_cells(
             headings.iter().position(|h| h == heading).ok_or_else(missing)
         };
         let course = course.map(index).transpose()?;
+        let north = given.and_then(|g| g.north.as_ref()).map(index).transpose()?;
+        let unknown = || format!("{key}: a zone such as \"32N\" needs `north`, and `north` a zone");
+        let zone = zone.map(Zone::parse);
+        let map = match (north, zone) {
+            (None, None) => None,
+            (Some(north), Some(Some(zone))) => Some((north, zone)),
+            _ => return Err(StreamError::scenario(unknown())),
+        };
         let (column, unit) = (found.index, found.unit);
-        let cell = ChannelCell { channel, column, unit, scale, notation, axis, course, pressure };
+        let cell =
+            ChannelCell { channel, column, unit, scale, notation, axis, course, map, pressure };
         cells.push(cell);
     }
     Ok(cells)

@@ -154,6 +154,11 @@ pub struct Column {
     /// Heading of the column with the course in degrees, where the column has the speed over ground,
     /// for `vel_n` and `vel_e`. Default: none.
     pub course: Option<String>,
+    /// Zone of UTM, such as `32N`, where the column has the easting of a position in m, for `lat` and
+    /// `lon`. Default: none.
+    pub zone: Option<String>,
+    /// Heading of the column with the northing in m, beside an easting. Default: none.
+    pub north: Option<String>,
     /// Pressure at the surface, for a depth from a column of a pressure. Default: 101325 Pa where
     /// the unit of the column is one of a pressure.
     pub atmosphere: Option<Pressure>,

@@ -6,7 +6,7 @@
 //! or `time_ns`; it is exact to the nanosecond. An empty cell is a missing channel. A row in which
 //! all channels of a sensor are missing is not a sample of that sensor, so that several sensors can
 //! share a file. Lines that start with `#` are comments. Dates, weeks of GPS, other separators,
-//! decimal commas, files without headings, JSON, files of UTF-16, and files that gzip or zstd packed are
+//! decimal commas, positions on a map, files without headings, JSON, files of UTF-16, and files that gzip or zstd packed are
 //! read, too: see [`config::FileConfig`].
 //!
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
@@ -21,6 +21,7 @@ mod folder;
 mod headings;
 mod join;
 mod labelled;
+mod map;
 pub mod sink;
 mod source;
 mod stamp;

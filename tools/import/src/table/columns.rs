@@ -126,7 +126,8 @@ impl<'a> Table<'a> {
         } else if half {
             sensors.push(self.half(&clock)?);
         }
-        let place = self.has(&["lat", "lon"]) || self.has(&ECEF);
+        let map = !self.has(&["lat", "lon"]) && !self.has(&ECEF) && self.on_map().is_some();
+        let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map;
         if self.has(&BODY) && !place {
             sensors.push(self.other("dvl", &BODY));
         }
@@ -184,12 +185,18 @@ impl<'a> Table<'a> {
 
     /// The reason why no sensor is recognised.
     fn unknown(&self) -> String {
-        let headings = || self.layout.headings.iter().map(|h| h.to_lowercase());
-        if ["easting", "northing"].iter().all(|word| headings().any(|h| h.contains(word))) {
+        if self.easting_and_northing().is_some() {
             return format!(
-                "its positions are easting and northing on a map, among the columns {}: write \
-                 latitude and longitude beside them (cs2cs of PROJ converts them), or the position \
-                 as Earth-fixed x, y, z",
+                "its positions are easting and northing on a map, and no column among {} names the \
+                 zone of UTM: add a column `zone` with one such as 32N, or write latitude and \
+                 longitude (cs2cs of PROJ converts them)",
+                self.listed()
+            );
+        }
+        if self.has(&["vel_n", "vel_e"]) {
+            return format!(
+                "its velocities are along north and east, without positions, in the columns {}: \
+                 give positions in the same table, or the velocities of a log along its own axes",
                 self.listed()
             );
         }
@@ -253,6 +260,11 @@ impl<'a> Table<'a> {
         let (mut source, mut questions) = (Vec::new(), Vec::new());
         if channels.contains(&"lat") && !self.has(&["lat"]) {
             source.extend(self.earth_fixed());
+            let map = self.on_map().filter(|_| source.is_empty());
+            map.into_iter().for_each(|(keys, question)| {
+                source.extend(keys);
+                questions.push(question);
+            });
         }
         let angles = channels.contains(&"lat") && self.has(&["lat"]);
         let place = angles.then(|| self.place(&mut questions));

@@ -11,6 +11,7 @@ mod imu;
 mod kinds;
 mod labelled;
 mod layout;
+mod map;
 mod oxts;
 mod plain;
 mod rtklib;
