@@ -80,11 +80,12 @@ fn is_stamp(cell: &str) -> bool {
     short && cell.starts_with(|c: char| c.is_ascii_digit()) && cell.chars().all(part)
 }
 
-/// Cells with numbers or stamps, if at least half of the cells that are not empty are numbers.
+/// Cells with numbers, if at least half of the cells that are neither empty nor stamps are numbers.
 fn numbers(cells: &[String]) -> Option<usize> {
     let absent = |c: &&String| ABSENT.contains(&c.to_ascii_lowercase().as_str());
-    let numbers = cells.iter().filter(|c| is_number(c) || is_stamp(c)).count();
-    let words = cells.len() - numbers - cells.iter().filter(absent).count();
+    let numbers = cells.iter().filter(|c| is_number(c)).count();
+    let stamps = cells.iter().filter(|c| !is_number(c) && is_stamp(c)).count();
+    let words = cells.len() - numbers - stamps - cells.iter().filter(absent).count();
     (cells.len() > 1 && numbers > 0 && words <= numbers).then_some(numbers)
 }
 
@@ -297,4 +298,19 @@ fn unique(headings: &[String]) -> Vec<String> {
             number(heading, *count)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::Layout;
+
+    #[test]
+    fn a_date_with_a_time_does_not_make_spaces_the_separator_of_rows_with_empty_cells() {
+        let row = |k: usize| format!("11/14/2023 22:13:20.{k},0.1,-0.2,9.8,,,,,,\n");
+        let head = "Session Start Time,11/14/2023 22:13:20\nTime,x,y,z,a,b,c,d,e,f\n";
+        let text = head.to_owned() + &(0..9).map(row).collect::<String>();
+        let layout = Layout::of(&text).unwrap();
+        assert_eq!((layout.width(), layout.headings[0].as_str()), (10, "Time"));
+    }
 }
