@@ -16,10 +16,9 @@ Examples:
   navfuse budget --scale \"0.5 %\" --misalignment \"0.3 deg\"
   navfuse budget --heading \"0.5 deg\" --heading-time \"2 h\" --format json
 
-The command prints the position error at the end, 1-sigma, of a vehicle with a
-velocity log and a heading and without fixes: along the track and across it, on
-a straight line, and on a lawn-mower pattern of the same length, where constant
-errors cancel on the way back.")]
+The command prints the 1-sigma error of the position at the end for a vehicle with a \
+velocity log and a heading, and without fixes: along the track and across it, on a straight \
+line, and on a lawn-mower pattern of the same length, where constant errors cancel on the way back.")]
 pub struct Budget {
     /// Speed of the vehicle
     #[arg(long, default_value = "2 m/s")]

@@ -33,7 +33,7 @@ pub const ENU_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0
 /// Forward, right, down along forward, left, up, and the other way round.
 const FLU_FRD: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
 
-/// The body in a fixed frame: [`FIXED_FRAME`] unless it was turned.
+/// The body in a fixed frame: north, east, down unless it was turned.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
     /// Along the axes of the frame, m.
