@@ -88,7 +88,8 @@ impl Step for Model {
     ) {
         let (course, speed, descent) = (x.get(self.course), x.get(self.speed), x.get(self.descent));
         let velocity = Vector3::new(speed * course.cos(), speed * course.sin(), descent);
-        next.set(self.position, &x.get(self.position).displaced(&(velocity * convert(dt))));
+        let way = velocity * convert::<_, T>(dt);
+        next.set(self.position, &x.get(self.position).displaced(&way));
         next.set(self.course, &course);
         next.set(self.speed, &speed);
         next.set(self.descent, &descent);
