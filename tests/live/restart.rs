@@ -121,7 +121,9 @@ fn a_scenario_without_links_is_refused_with_the_types_that_there_are() {
     let output = live.wait_with_output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        text.contains("no link to the sensors: add one of [link.ros2], [link.serial], [link.stdin]"),
+        text.contains(
+            "no link to the sensors: add one of [link.ros2], [link.serial], [link.stdin]"
+        ),
         "{text}"
     );
     let status = navfuse(&["status", &desk.path("live").display().to_string()]);
