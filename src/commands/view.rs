@@ -96,8 +96,10 @@ fn convert(registry: &Registry, log: &Path) -> Result<Option<PathBuf>> {
     let scenario = Scenario::new(registry, document, &[source, sinks])?;
     let folder = log.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let _lock = FolderLock::take(folder)?;
+    // before the recording exists: a signal would leave a part of it
+    let stop = stop_on_signal();
     let assembly = scenario.assemble(Some(folder))?;
-    let (stop, bar) = (stop_on_signal(), Bar::new(true));
+    let bar = Bar::new(true);
     let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
     output::run::events(&finished.events);
