@@ -8,9 +8,10 @@ use crate::style::{BOUND, FILTERED, MAGNITUDE, TRUTH, axis as colour, label, pat
 use crate::tally::{Excursion, Tally};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
+use navfuse_core::state::manifold::{MAX_TANGENT, Manifold, Position, Reading};
 use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::time::Time;
+use std::any::TypeId;
 
 /// Share of the run at its end that has plots of its own.
 const END: f64 = 0.25;
@@ -134,10 +135,11 @@ impl BlockSeries {
         let origin = self.origin.get_or_insert_with(|| values[block.range()].to_vec());
         match block.operations.reading {
             Reading::Tangent => {
-                let (value, mut geo) = (&values[block.range()], [0.0; MAX_TANGENT]);
+                let value = &values[block.range()];
                 (block.operations.local)(value, origin, &mut out[..n]);
-                (block.operations.coordinates)(value, &mut geo[..n]);
-                out[2] = -geo[2];
+                if block.operations.kind == TypeId::of::<Position>() {
+                    out[2] = -Position::load::<f64>(value).height;
+                }
                 out[..n].iter_mut().for_each(|x| *x /= block.spec.display.scale);
             }
             _ => block.show(values, out),

@@ -17,11 +17,9 @@ pub struct DenseSlot {
 impl Transition {
     /// Declares the block of `Phi` in those rows and columns, and the block of `Q` in the rows.
     pub fn dense(&mut self, rows: Range<usize>, columns: Range<usize>) -> DenseSlot {
-        let (phi, q) = (self.phi.len(), self.noise_block(rows.start, rows.len()));
-        let slot = DenseSlot { phi, q, rows: rows.len(), columns: columns.len() };
-        self.places.extend(columns.flat_map(|c| rows.clone().map(move |r| (r, c))));
-        self.phi.resize(self.places.len(), 0.0);
-        slot
+        let (first, [rows_of, columns_of]) = (rows.start, [rows.len(), columns.len()]);
+        let (phi, q) = (self.phi_block(rows, columns), self.noise_block(first, rows_of));
+        DenseSlot { phi, q, rows: rows_of, columns: columns_of }
     }
 
     /// Writes a block of `Phi`, of shape (rows, columns), and one of `Q`, of shape (rows, rows) and
