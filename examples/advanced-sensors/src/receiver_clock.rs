@@ -83,7 +83,7 @@ impl ProcessModel for Model {
     fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
 
     fn wander(
-        &self,
+        &mut self,
         layout: &Layout,
         truth: &mut State,
         known: &mut [bool],

@@ -61,7 +61,8 @@ impl Process {
         }
         let (mut state, mut wander) = (layout.initial_state(), vec![false; layout.blocks.len()]);
         let mut random = Random::new(0, "none");
-        self.model.wander(layout, &mut state, &mut wander, 0.0, &mut random);
+        let mut model = self.model.boxed_clone();
+        model.wander(layout, &mut state, &mut wander, 0.0, &mut random);
         let followed = moved(layout, std::slice::from_ref(self));
         (0..wander.len()).filter(|slot| wander[*slot] && !followed[*slot]).collect()
     }

@@ -141,7 +141,7 @@ impl ProcessModel for ClockModel {
     }
     fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
     fn wander(
-        &self,
+        &mut self,
         layout: &Layout,
         truth: &mut State,
         known: &mut [bool],

@@ -132,7 +132,7 @@ pub trait ProcessModel: Send {
     /// "all". A block that a process moves, and whose truth neither a trajectory nor this function
     /// moves, has no truth: nobody judges its estimate.
     fn wander(
-        &self,
+        &mut self,
         _layout: &Layout,
         _truth: &mut State,
         _known: &mut [bool],

@@ -181,7 +181,7 @@ impl<S: Step> ProcessModel for Stepping<S> {
     }
 
     fn wander(
-        &self,
+        &mut self,
         layout: &Layout,
         truth: &mut State,
         known: &mut [bool],
@@ -189,11 +189,10 @@ impl<S: Step> ProcessModel for Stepping<S> {
         random: &mut Random,
     ) {
         self.moved.iter().for_each(|slot| known[*slot] = true);
-        let mut own = self.clone();
-        if dt > 0.0 && own.advance(layout, truth, None, dt).is_ok() {
-            let noise = own.noise.draw(random);
+        if dt > 0.0 && self.advance(layout, truth, None, dt).is_ok() {
+            let noise = self.noise.draw(random);
             for block in self.moved.iter().map(|slot| &layout.blocks[*slot]) {
-                let Some(row) = block.tangent.map(|row| row - own.noise.first) else { continue };
+                let Some(row) = block.tangent.map(|row| row - self.noise.first) else { continue };
                 let delta = &noise.as_slice()[row..][..block.operations.tangent];
                 (block.operations.retract)(&mut truth.values[block.range()], delta);
             }

@@ -34,7 +34,7 @@ impl ProcessModel for Wanderer {
     fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
 
     fn wander(
-        &self,
+        &mut self,
         layout: &Layout,
         truth: &mut State,
         known: &mut [bool],
