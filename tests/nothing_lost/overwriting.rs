@@ -42,8 +42,8 @@ const LONG_CALLS: [(&str, &str, &str); 4] = [
 ];
 
 /// Commands that write no file. `view` writes a recording beside a log that has none.
-const OTHERS: [&str; 8] =
-    ["check", "detect", "list", "play", "schema", "sensitivity", "status", "view"];
+const OTHERS: [&str; 9] =
+    ["budget", "check", "detect", "list", "play", "schema", "sensitivity", "status", "view"];
 
 /// The files and folders below a folder, with their content.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
