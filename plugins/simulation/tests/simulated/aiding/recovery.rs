@@ -1,0 +1,157 @@
+//! Sensors that contradict the filter, as a car with a receiver meets them: what the filter keeps, follows
+//! and takes back. Each fault is varied in size, time, rate and channel.
+
+use crate::aiding::bench::{Trial, run};
+use navfuse_core::model::record::finding::Severity;
+
+/// A car of 110 s with an IMU of MEMS.
+const CAR: &str = r#"
+name = "car"
+[estimator]
+draw = "start"
+[process.ins]
+attitude = { sigma = "0.5 deg" }
+velocity = { sigma = "5 cm/s" }
+position = { sigma = "10 cm" }
+gyro_bias = { sigma = "100 deg/h", truth = ["60 deg/h", "-40 deg/h", "50 deg/h"] }
+accel_bias = { sigma = "5 mg", truth = ["3 mg", "-2 mg", "4 mg"] }
+[sensor.imu]
+gyro_noise = "18 deg/h/sqrt(Hz)"
+accel_noise = "150 ug/sqrt(Hz)"
+simulation = { rate = "50 Hz" }
+[sensor.gnss]
+horizontal_noise = "2 cm"
+vertical_noise = "4 cm"
+velocity_noise = "3 cm/s"
+simulation = { rate = "5 Hz" }
+[sensor.reference]
+simulation = { rate = "1 Hz" }
+[source.simulation]
+start = { latitude = "48.1 deg", longitude = "11.5 deg", height = "500 m", heading = "35 deg" }
+segments = [
+  { type = "static", duration = "10 s" },
+  { type = "surge", duration = "8 s", speed = "12 m/s" },
+  { type = "turn", duration = "10 s", angle = "80 deg" },
+  { type = "surge", duration = "6 s", speed = "17 m/s" },
+  { type = "cruise", duration = "10 s" },
+  { type = "turn", duration = "8 s", angle = "-70 deg" },
+  { type = "surge", duration = "8 s", speed = "5 m/s" },
+  { type = "turn", duration = "12 s", angle = "120 deg" },
+  { type = "cruise", duration = "10 s" },
+  { type = "turn", duration = "8 s", angle = "-90 deg" },
+  { type = "surge", duration = "8 s", speed = "9 m/s" },
+  { type = "cruise", duration = "12 s" },
+]
+"#;
+
+/// Runs the car with a seed and settings.
+fn car(seed: usize, settings: &[&str]) -> Trial {
+    let seed = format!("seed={seed}");
+    run(CAR, &[&[seed.as_str()], settings].concat())
+}
+
+/// Horizontal error at the end, m.
+fn off(trial: &Trial) -> f64 {
+    trial.finished.summary.horizontal_error_m.as_ref().map_or(f64::NAN, |h| h.last)
+}
+
+/// The most severe finding about the receiver.
+fn severity(trial: &Trial) -> Option<Severity> {
+    let findings = trial.finished.findings.iter().filter(|finding| finding.about == "gnss");
+    findings.map(|finding| finding.severity).max()
+}
+
+fn says(trial: &Trial, text: &str) -> bool {
+    trial.finished.findings.iter().any(|finding| finding.text.contains(text))
+}
+
+/// The result holds at the end.
+fn holds(trial: &Trial, metres: f64, case: &str) {
+    let sigmas = trial.errors.final_largest();
+    assert!(sigmas.0 <= 3.5 && off(trial) < metres, "{case}: {sigmas:?}, {} m", off(trial));
+}
+
+/// The result holds at the end, and no finding forbids its use.
+fn is_right(trial: &Trial, metres: f64, case: &str) {
+    holds(trial, metres, case);
+    let findings = &trial.finished.findings;
+    assert!(severity(trial) < Some(Severity::DoNotUse), "{case}: {findings:?}");
+}
+
+/// A jump of the height, as from the ellipsoid to the sea level, and one of a velocity.
+#[test]
+fn a_channel_that_jumps_costs_that_channel_and_not_the_sample() {
+    let jumps = [("height", "-12 m"), ("height", "47 m"), ("vel_n", "3 m/s"), ("vel_d", "-2 m/s")];
+    for (seed, (channel, size)) in (0..8).zip(jumps.into_iter().cycle()) {
+        let from = 15 + 9 * seed;
+        let fault = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"bias\", from = \"{from} s\", size = \"{size}\", \
+             channels = [\"{channel}\"] }}]"
+        );
+        let trial = car(seed, &[&fault]);
+        holds(&trial, 0.15, &fault);
+        assert!(trial.errors.outcomes["gnss accepted"] > 530, "{:?}", trial.errors.outcomes);
+    }
+}
+
+/// Noise of 2.5 to 5 times the stated one.
+#[test]
+fn a_receiver_that_states_too_small_a_noise_is_used_with_the_noise_of_its_samples() {
+    for (seed, noise) in [2.5, 3.3, 5.0].into_iter().enumerate() {
+        let case = format!("sensor.gnss.simulation.noise={noise}");
+        let trial = car(seed, &[&case]);
+        holds(&trial, 0.03 * noise, &case);
+        assert!(says(&trial, "stated accuracy is too small"), "{case}");
+    }
+}
+
+/// Fixes of the first one to three seconds that a wide prior lets pass.
+#[test]
+fn first_fixes_that_are_wrong_are_outvoted() {
+    for (seed, size) in (0..6).zip(["3 arcsec", "40 arcsec", "-300 arcsec"].into_iter().cycle()) {
+        let to = 1 + seed / 2;
+        let fault = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"bias\", to = \"{to} s\", size = \"{size}\", \
+             channels = [\"lat\"] }}]"
+        );
+        let trial = car(seed, &["process.ins.position={ sigma = \"10 km\" }", &fault]);
+        is_right(&trial, 0.15, &fault);
+    }
+}
+
+/// Fixes that are 3 to 60 m off after 12 to 20 s without any, with right velocities, until the receiver is
+/// right again or the run ends. The error of the filter may have grown as much: the covariance contains both.
+#[test]
+fn a_wrong_fix_after_an_outage_stays_within_the_sigma() {
+    let sizes = [-0.1, 0.2, -0.35, 2.0];
+    for (seed, size) in (0..8).zip(sizes.into_iter().cycle()) {
+        let (back, ends) = (52 + seed, seed < 6);
+        let to = if ends { 80 + seed } else { 200 };
+        let outage = format!("sensor.gnss.simulation.outages=[[\"40 s\", \"{back} s\"]]");
+        let fault = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"bias\", from = \"{back} s\", to = \"{to} s\", size = \
+             \"{size} arcsec\", channels = [\"lat\"] }}]"
+        );
+        let trial = car(seed, &[&outage, &fault]);
+        // an arc second is 30.9 m
+        is_right(&trial, if ends { 0.15 } else { 0.15 + 31.0 * f64::abs(size) }, &fault);
+    }
+}
+
+/// The accelerometers are off by far more than the filter expects while no fix comes: the fixes afterwards
+/// are right, some of them with a height that agrees.
+#[test]
+fn a_filter_that_was_wrong_in_an_outage_follows_the_fixes_after_it() {
+    let axes = ["accel_x", "accel_y", "accel_z"];
+    for (seed, axis) in (0..6).zip(axes.into_iter().cycle()) {
+        let size = 20 + 8 * seed;
+        let outage = "sensor.gnss.simulation.outages=[[\"40 s\", \"55 s\"]]";
+        let fault = format!(
+            "sensor.imu.simulation.faults=[{{ type = \"bias\", from = \"40 s\", to = \"55 s\", size = \
+             \"{size} mg\", channels = [\"{axis}\"] }}]"
+        );
+        let trial = car(seed, &[outage, &fault]);
+        is_right(&trial, 0.15, &fault);
+        assert!(trial.errors.outcomes["gnss accepted"] > 460, "{:?}", trial.errors.outcomes);
+    }
+}

@@ -1,0 +1,164 @@
+//! One recording of a car, written in the layouts of many programs: `import` reads each of them
+//! without an answer, and the run stays within its sigma; or it names what is missing.
+
+mod dialects;
+mod programs;
+
+use dialects::{Layout, Random};
+use navfuse_core::document::Document;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
+use navfuse_import::Answers;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// Number of layouts, and the share that must run.
+const LAYOUTS: u64 = 48;
+const SHARE: f64 = 0.95;
+/// Largest error in sigma.
+const SIGMA: f64 = 3.5;
+
+/// A minute of driving on a bumpy road, with a MEMS IMU and GNSS.
+const CAR: &str = r#"
+seed = 11
+[estimator]
+draw = "start"
+[process.ins]
+attitude = { sigma = "0.5 deg" }
+velocity = { sigma = "5 cm/s" }
+position = { sigma = "10 cm" }
+gyro_bias = { sigma = "100 deg/h", truth = ["30 deg/h", "-20 deg/h", "25 deg/h"] }
+accel_bias = { sigma = "5 mg", truth = ["0.5 mg", "-0.4 mg", "0.6 mg"] }
+[sensor.imu]
+gyro_noise = "18 deg/h/sqrt(Hz)"
+accel_noise = "150 ug/sqrt(Hz)"
+simulation = { rate = "100 Hz" }
+[sensor.gnss]
+horizontal_noise = "1.5 m"
+vertical_noise = "2.5 m"
+velocity_noise = "5 cm/s"
+simulation = { rate = "5 Hz" }
+[sensor.reference]
+simulation = { rate = "1 Hz" }
+[source.simulation]
+start = { latitude = "48.1 deg", longitude = "11.5 deg", height = "500 m", heading = "35 deg" }
+segments = [
+  { type = "static", duration = "2 s" },
+  { type = "surge", duration = "8 s", speed = "12 m/s" },
+  { type = "turn", duration = "10 s", angle = "80 deg" },
+  { type = "surge", duration = "6 s", speed = "17 m/s" },
+  { type = "turn", duration = "8 s", angle = "-70 deg" },
+  { type = "surge", duration = "6 s", speed = "9 m/s" },
+  { type = "turn", duration = "12 s", angle = "120 deg" },
+  { type = "cruise", duration = "8 s" },
+]
+"#;
+
+/// The samples of a recording by the name of the sensor: time in nanoseconds, and channels.
+pub type Recorded = BTreeMap<String, Vec<(i64, Vec<f64>)>>;
+
+fn record() -> Recorded {
+    let registry = navfuse::standard_plugins();
+    let document = Document::parse("car.toml", CAR.to_owned()).expect("TOML");
+    let scenario = Scenario::new(&registry, document, &[]).expect("a scenario");
+    let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    let mut recorded = Recorded::new();
+    for (_, mut source) in assembly.sources {
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        while source.next(&mut sample).expect("a simulation does not fail") {
+            let info = &assembly.composition.sensors[sample.sensor.0].info;
+            let channel = |k: usize| sample.get(k).unwrap_or(f64::NAN);
+            let row = (0..info.channels.len()).map(channel).collect();
+            recorded.entry(info.name.clone()).or_default().push((sample.time.nanos(), row));
+        }
+    }
+    recorded
+}
+
+/// Writes the reference on the clock of the IMU, which is `offset` nanoseconds ahead.
+fn reference(path: &Path, recorded: &Recorded, offset: i64) {
+    let mut text = "time_ns,lat_rad,lon_rad,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_rad,\
+                    pitch_rad,yaw_rad\n"
+        .to_owned();
+    for (nanos, v) in &recorded["reference"] {
+        let cells: Vec<String> = v.iter().map(|v| format!("{v:e}")).collect();
+        let _ = writeln!(text, "{},{}", nanos + offset, cells.join(","));
+    }
+    std::fs::write(path, text).expect("the test can write");
+}
+
+/// Imports files and runs the scenario next to the reference: the largest error in sigma, or the
+/// message.
+fn run(files: &[PathBuf], reference: &Path) -> Result<f64, String> {
+    let registry = navfuse::standard_plugins();
+    let place = reference.with_extension("toml");
+    let stop = AtomicBool::new(false);
+    let answers = Answers { name: "imported".to_owned(), ..Answers::default() };
+    let imported = navfuse_import::import(&registry, files, &place, &answers, &stop)
+        .map_err(|e| e.to_string())?
+        .expect("nobody stops it");
+    let text = format!(
+        "{}\n[sensor.reference]\n[source.csv.files.reference]\npath = {reference:?}\n",
+        imported.scenario
+    );
+    let document = Document::parse("imported.toml", text).map_err(|e| e.to_string())?;
+    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| e.to_string())?;
+    let assembly = scenario.assemble(None).map_err(|e| e.to_string())?;
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    if let Some(error) = finished.error {
+        return Err(format!("the run failed: {error}"));
+    }
+    let navigation = |name: &str| ["ins.attitude", "ins.velocity", "ins.position"].contains(&name);
+    let rows = finished.summary.rows.iter().filter(|row| navigation(&row.name));
+    let errors = rows.flat_map(|row| {
+        let error = row.error.clone().expect("a reference");
+        error.into_iter().zip(row.error_sigma.clone()).map(|(e, s)| (e / s).abs())
+    });
+    Ok(errors.fold(0.0, f64::max))
+}
+
+#[test]
+fn layouts_of_many_programs_run_untouched_or_name_what_is_missing() {
+    let recorded = record();
+    let mut random = Random(20_261_125);
+    let (mut held, mut unnamed) = (0, 0);
+    for _ in 0..LAYOUTS {
+        let layout = Layout::draw(&mut random);
+        let folder = tempfile::tempdir().expect("a folder");
+        let truth = folder.path().join("reference.csv");
+        reference(&truth, &recorded, layout.origin);
+        match run(&layout.write(folder.path(), &recorded), &truth) {
+            Ok(sigma) if sigma <= SIGMA => held += 1,
+            Ok(sigma) => println!("{sigma:.1} sigma: {layout:?}"),
+            Err(message) => {
+                println!("{message}: {layout:?}");
+                let named = ["column", "unit", "time", "IMU"].iter().any(|w| message.contains(w));
+                unnamed += usize::from(!named || message.contains("the run failed"));
+            }
+        }
+    }
+    println!("{held} of {LAYOUTS} run within {SIGMA} sigma");
+    assert_eq!(unnamed, 0, "a message does not name what is missing");
+    assert!(f64::from(held) >= SHARE * LAYOUTS as f64);
+}
+
+#[test]
+fn files_of_many_programs_run_without_an_answer() {
+    let recorded = record();
+    let mut failed = Vec::new();
+    for program in programs::all() {
+        let [folder, own] = [0, 1].map(|_| tempfile::tempdir().expect("a folder"));
+        let written = program.write(&recorded, folder.path());
+        let truth = own.path().join("reference.csv");
+        reference(&truth, &recorded, written.offset);
+        match run(&written.given, &truth) {
+            Ok(sigma) if sigma <= SIGMA => {}
+            other => failed.push(format!("{}: {other:?}", program.name)),
+        }
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+}

@@ -1,0 +1,140 @@
+//! The estimate in messages of MAVLink, as pymavlink reads them.
+
+use super::desk::{Desk, dive};
+use navfuse_testing::python::{output, vehicle_logs};
+use serde_json::Value;
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::scope;
+use std::time::Duration;
+
+/// All datagrams of a live run on the dive, for each of its sinks.
+fn datagrams<const N: usize>(sinks: [&str; N]) -> [Vec<Vec<u8>>; N] {
+    let sockets = sinks.map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
+    let table = |(k, sink): (usize, &str)| {
+        let address = sockets[k].local_addr().unwrap();
+        format!("[sink.s{k}]\ntype = \"udp\"\naddress = \"{address}\"\n{sink}\n")
+    };
+    let tables: String = sinks.into_iter().enumerate().map(table).collect();
+    let desk = Desk::new(&format!("[link.stdin]\n{tables}"));
+    let over = AtomicBool::new(false);
+    scope(|threads| {
+        let receivers = sockets.map(|socket| {
+            socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+            threads.spawn(|| receive(socket, &over))
+        });
+        desk.pass(&dive().sentences, &["--speed", "inf"]);
+        over.store(true, Ordering::Relaxed);
+        receivers.map(|receiver| receiver.join().unwrap())
+    })
+}
+
+/// The datagrams of a socket until the run is over.
+fn receive(socket: UdpSocket, over: &AtomicBool) -> Vec<Vec<u8>> {
+    let (mut received, mut datagram) = (Vec::new(), [0; 4096]);
+    loop {
+        match socket.recv(&mut datagram) {
+            Ok(size) => received.push(datagram[..size].to_vec()),
+            Err(_) if over.load(Ordering::Relaxed) => return received,
+            Err(_) => {}
+        }
+    }
+}
+
+/// The messages of a type in datagrams, as pymavlink reads them.
+fn messages(python: &Path, datagrams: &[Vec<u8>], kind: &str) -> Vec<Value> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("messages");
+    std::fs::write(&file, datagrams.concat()).unwrap();
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/program/live/mavlink.py");
+    let text = output(Command::new(python).arg(script).arg(&file)).unwrap();
+    let all: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let count = |kind: &str| all.iter().filter(|m| m["mavpackettype"] == kind).count();
+    assert_eq!(count("BAD_DATA"), 0, "{text}");
+    assert!((30..50).contains(&count("HEARTBEAT")), "one a second: {}", count("HEARTBEAT"));
+    assert_eq!(all[0]["sender"].as_array().unwrap().len(), 2);
+    all.into_iter().filter(|m| m["mavpackettype"] == kind).collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// Pairs of an estimate in JSON and a message of the same time.
+fn pairs(estimates: &[Vec<u8>], messages: Vec<Value>, time: &str) -> Vec<(Value, Value)> {
+    let estimates: Vec<Value> =
+        estimates.iter().map(|text| serde_json::from_slice(text).unwrap()).collect();
+    let same = |message: &Value| {
+        let at = number(&message[time]) * 1e-6;
+        estimates.iter().find(|e| (number(&e["time_s"]) - at).abs() < 2e-6).cloned()
+    };
+    let pairs = messages.into_iter().filter_map(|m| Some((same(&m)?, m))).collect::<Vec<_>>();
+    assert!(pairs.len() > 100, "{} of {} messages", pairs.len(), estimates.len());
+    pairs
+}
+
+#[test]
+fn an_autopilot_receives_pose_and_velocity_with_the_sigma_of_the_estimate() {
+    let Some(python) = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python() else { return };
+    let datum = "{ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" }";
+    let [json, ardupilot, px4] = datagrams([
+        "",
+        &format!("mavlink = {{ datum = {datum}, system = 7 }}"),
+        "mavlink = { autopilot = \"px4\" }",
+    ]);
+    for (sink, frame, sender) in [(ardupilot, 20, [7, 197]), (px4, 1, [1, 197])] {
+        let messages = messages(&python, &sink, "ODOMETRY");
+        let mut variances = [0.0; 2];
+        for (estimate, message) in pairs(&json, messages, "time_usec") {
+            // ArduPilot ignores any other pair of frames, and PX4 any other estimator
+            assert_eq!([&message["frame_id"], &message["child_frame_id"]], [frame, 12]);
+            assert_eq!(message["estimator_type"], 3);
+            assert_eq!(message["sender"], serde_json::json!(sender));
+            let q = [0, 1, 2, 3].map(|k| number(&message["q"][k]));
+            let heading = (2.0 * (q[0] * q[3] + q[1] * q[2]))
+                .atan2(1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+                .to_degrees();
+            let expected = number(&estimate["roll_pitch_heading_deg"][2]);
+            assert!((heading - expected).abs() < 1e-3, "{heading} {expected}");
+            // the velocity is along the body: its size and its direction against the heading
+            let v = [0, 1, 2].map(|k| number(&estimate["velocity_ned_mps"][k]));
+            let forward = v[0] * heading.to_radians().cos() + v[1] * heading.to_radians().sin();
+            assert!((number(&message["vx"]) - forward).abs() < 0.02, "{message} {estimate}");
+            let sigma = number(&message["pose_covariance"][0]).sqrt();
+            let expected = number(&estimate["position_sigma_ned_m"][0]);
+            assert!((sigma / expected - 1.0).abs() < 1e-4, "{sigma} {expected}");
+            let turn = number(&message["pose_covariance"][20]).sqrt().to_degrees();
+            let expected = number(&estimate["attitude_sigma_ned_deg"][2]);
+            assert!((turn / expected - 1.0).abs() < 1e-4, "{turn} {expected}");
+            // heading and velocity share the error that turns the velocity in north, east, down
+            let sum = |v: [f64; 3]| v.iter().sum::<f64>();
+            variances[0] += sum([0, 6, 11].map(|k| number(&message["velocity_covariance"][k])));
+            variances[1] +=
+                sum([0, 1, 2].map(|k| number(&estimate["velocity_sigma_ned_mps"][k]).powi(2)));
+            if frame == 20 {
+                let north = (number(&estimate["position_deg_deg_m"][0]) - 43.0) * 111_100.0;
+                assert!((number(&message["x"]) - north).abs() < 0.01 * north.abs() + 0.1);
+            }
+        }
+        assert!(variances[0] < 0.8 * variances[1], "{variances:?}");
+    }
+}
+
+#[test]
+fn an_autopilot_receives_the_motion_between_two_messages() {
+    let Some(python) = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python() else { return };
+    let [json, delta] = datagrams(["", "mavlink = { message = \"vision-position-delta\" }"]);
+    let messages = messages(&python, &delta, "VISION_POSITION_DELTA");
+    for (estimate, message) in pairs(&json, messages, "time_usec") {
+        let dt = number(&message["time_delta_usec"]) * 1e-6;
+        let moved = [0, 1, 2].map(|k| number(&message["position_delta"][k]) / dt);
+        let v = [0, 1, 2].map(|k| number(&estimate["velocity_ned_mps"][k]));
+        let speed = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // the mean of two velocities of a vehicle that gains 0.2 m/s in a second
+        assert!((speed(moved) - speed(v)).abs() < 0.03, "{message} {estimate}");
+        // the sigma of the velocity is below 0.1 m/s after the first reports of the DVL
+        assert!(number(&message["confidence"]) <= 100.0);
+    }
+}

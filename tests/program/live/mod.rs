@@ -1,0 +1,8 @@
+//! Live runs from end to end: the command on samples that arrive over its links.
+
+mod desk;
+mod embedded;
+mod faults;
+mod mavlink;
+mod restart;
+mod sockets;

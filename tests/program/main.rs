@@ -1,0 +1,36 @@
+//! The command as a user calls it, and the library as a program does, on shipped scenarios.
+#![allow(
+    missing_docs,
+    clippy::expect_used,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+mod alignment;
+mod bad_input;
+mod bound;
+mod calibrate;
+mod campaign;
+mod command;
+#[path = "../common/mod.rs"]
+mod common;
+mod consistency;
+mod diagnose;
+mod export;
+mod import;
+mod import_layouts;
+mod live;
+mod many_sensors;
+mod nothing_lost;
+mod observability;
+mod pan_wu;
+mod paper;
+mod report;
+mod sample_recording;
+mod scenario_reference;
+mod slurm;
+mod smoothing;
+mod snapir;
+mod terminal;
+mod time_offset;
