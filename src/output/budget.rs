@@ -15,7 +15,7 @@ pub fn print(legs: &Legs, shares: &[Share], together: &Share) {
         way / legs.speed
     ));
     let headings =
-        ["cause", "straight: along", "straight: across", "mower: along", "mower: across"];
+        ["cause", "straight,\nalong", "straight,\nacross", "mower,\nalong", "mower,\nacross"];
     let mut rows = table(&headings);
     for share in shares.iter().chain([together]) {
         rows.add_row(cells(&share.name, share, |metres| format!("{metres:.2}")));

@@ -48,16 +48,17 @@ pub enum Stream {
 }
 
 impl Stream {
-    /// The width that output is fitted to: of the terminal, or what the variable `COLUMNS` gives for
-    /// output that goes elsewhere; none where both are missing.
+    /// The width that output is fitted to: of the terminal, or for output that goes elsewhere what
+    /// the variable `COLUMNS` gives, or the width of the terminal that shows the other stream, as
+    /// with a pager; none where all are missing.
     pub fn width(self) -> Option<usize> {
-        let term = match self {
-            Self::Output => Term::stdout(),
-            Self::Error => Term::stderr(),
+        let (own, other) = match self {
+            Self::Output => (Term::stdout(), Term::stderr()),
+            Self::Error => (Term::stderr(), Term::stdout()),
         };
+        let width = |term: &Term| term.size_checked().map(|(_, columns)| usize::from(columns));
         let columns = || std::env::var("COLUMNS").ok()?.parse().ok();
-        let of_terminal = term.size_checked().map(|(_, columns)| usize::from(columns));
-        of_terminal.or_else(columns).map(|width| width.max(NARROWEST))
+        width(&own).or_else(columns).or_else(|| width(&other)).map(|width| width.max(NARROWEST))
     }
 }
 

@@ -14,7 +14,12 @@ const SHORT: [&str; 3] = ["--set", "estimator.stop=200 s", "--no-output"];
 /// is skipped.
 fn on_terminal(arguments: &[&str], environment: &[(&str, &str)]) -> Option<String> {
     let quoted = arguments.iter().map(|a| format!("'{a}'")).collect::<Vec<_>>().join(" ");
-    let line = format!("stty cols 80 rows 40; {} {quoted}", env!("CARGO_BIN_EXE_navfuse"));
+    in_shell(&quoted, environment)
+}
+
+/// The same with the words of a shell, which may send the output through another program.
+fn in_shell(words: &str, environment: &[(&str, &str)]) -> Option<String> {
+    let line = format!("stty cols 80 rows 40; {} {words}", env!("CARGO_BIN_EXE_navfuse"));
     let mut script = Command::new("script");
     script.args(["-qec", &line, "/dev/null"]).env("TERM", "xterm").env_remove("NO_COLOR");
     script.envs(environment.iter().copied()).stdin(Stdio::null());
@@ -43,6 +48,13 @@ fn numbers(text: &str) -> BTreeMap<String, usize> {
         }
     }
     count
+}
+
+#[test]
+fn a_table_that_a_pager_shows_fits_the_terminal() {
+    let Some(shown) = in_shell("list | cat", &[("COLUMNS", "")]) else { return };
+    assert!(shown.lines().count() > 20, "{shown}");
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
 }
 
 #[test]
