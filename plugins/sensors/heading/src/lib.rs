@@ -10,11 +10,13 @@ mod dual_antenna;
 mod inclinometer;
 mod magnetic;
 mod magnetometer;
+mod wmm;
 
 pub use dual_antenna::DualAntenna;
 pub use inclinometer::Inclinometer;
 pub use magnetic::MagneticHeading;
 pub use magnetometer::{Field, Magnetometer};
+pub use wmm::MagneticModel;
 
 use navfuse_core::plugin::{Need, Plugin, Registry};
 use std::f64::consts::TAU;

@@ -2,6 +2,7 @@
 //! place and the deviation `d` of the vehicle's own field (Groves section 6.1.1).
 
 use crate::short_way;
+use crate::wmm::{Earth, MagneticModel};
 use navfuse_core::prelude::*;
 use navfuse_ins::Navigation;
 
@@ -13,9 +14,12 @@ pub struct MagneticHeading {
     /// 1-sigma noise of one heading.
     pub noise: Sigma<Angle>,
     /// Declination: the direction of magnetic north from true north, east positive. It changes by
-    /// about 0.1 deg a year and a few deg in 1000 km; magnetic models such as the WMM give it.
+    /// about 0.1 deg a year and a few deg in 1000 km. Default: zero, or the value of `wmm`, considered
+    /// with the uncertainty of the model.
     #[serde(default)]
     pub declination: Calibration<Angle, AngularRateNoise>,
+    /// Place and date at which the World Magnetic Model gives the declination.
+    pub wmm: Option<MagneticModel>,
     /// Deviation: heading that the compass shows too small, from the field of the vehicle and from
     /// the mounting. Default: zero.
     #[serde(default)]
@@ -35,9 +39,13 @@ impl SensorType for MagneticHeading {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let earth = match &self.wmm {
+            Some(model) => model.earth(composer, "declination", &self.declination)?,
+            None => Earth::default(),
+        };
         Ok(Role::measurement(MagneticHeadingModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
-            declination: self.declination.block(composer, "declination", &[0.0], ANGLE)?,
+            declination: earth.declination(self.declination, composer, ANGLE)?,
             deviation: self.deviation.block(composer, "deviation", &[0.0], ANGLE)?,
             sigma: self.noise.value().si(),
         }))

@@ -2,6 +2,7 @@
 //! iron `S` and the hard iron `h` of the vehicle (Gebre-Egziabher et al. 2006, *Calibration of strapdown
 //! magnetometers in magnetic field domain*).
 
+use crate::wmm::{Earth, MagneticModel};
 use navfuse_core::Real;
 use navfuse_core::model::sensor::limits::Limit;
 use navfuse_core::nalgebra::Matrix3;
@@ -35,17 +36,35 @@ pub struct Magnetometer {
     pub navigation: String,
 }
 
-/// Field of the Earth, as a magnetic model such as the WMM gives it for place and date.
+/// Field of the Earth at the place and the date of the run: by the World Magnetic Model, or as another
+/// model gives it.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Total intensity.
-    pub strength: Positive<MagneticField>,
-    /// Angle of the field below the horizon, positive in the north.
-    pub inclination: Angle,
-    /// Direction of magnetic north from true north, east positive. A model knows it to about 0.3 deg.
+    /// Place and date at which the World Magnetic Model gives the field.
+    pub wmm: Option<MagneticModel>,
+    /// Total intensity, without `wmm`.
+    pub strength: Option<Positive<MagneticField>>,
+    /// Angle of the field below the horizon, positive in the north, without `wmm`.
+    pub inclination: Option<Angle>,
+    /// Direction of magnetic north from true north, east positive. Default: zero, or the value of
+    /// `wmm`, considered with the uncertainty of the model, about 0.3 deg.
     #[serde(default)]
     pub declination: Calibration<Angle, AngularRateNoise>,
+}
+
+impl Field {
+    fn earth(&self, composer: &mut Composer) -> Result<Earth, ComposeError> {
+        match (&self.wmm, self.strength, self.inclination) {
+            (Some(model), None, None) => {
+                model.earth(composer, "field.declination", &self.declination)
+            }
+            (None, Some(strength), Some(inclination)) => {
+                Ok(Earth::given(strength.value().si(), inclination.si()))
+            }
+            _ => Err(ComposeError::new("field", "give wmm, or strength and inclination")),
+        }
+    }
 }
 
 const HARD_IRON: Display = Display { unit: "uT", scale: 1e-6, components: &["x", "y", "z"] };
@@ -64,21 +83,15 @@ impl SensorType for Magnetometer {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let (sin, cos) = self.field.inclination.si().sin_cos();
-        let strength = self.field.strength.value().si();
+        let earth = self.field.earth(composer)?;
         let c_b_m =
             self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?;
         composer.mounted(Mounting::default().turned(c_b_m));
         Ok(Role::measurement(MagnetometerModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
-            horizontal: strength * cos,
-            down: strength * sin,
-            declination: self.field.declination.block(
-                composer,
-                "declination",
-                &[0.0],
-                display::ANGLE,
-            )?,
+            horizontal: earth.horizontal,
+            down: earth.down,
+            declination: earth.declination(self.field.declination, composer, display::ANGLE)?,
             hard_iron: self.hard_iron.block(composer, "hard_iron", &[0.0; 3], HARD_IRON)?,
             scale: self.scale.block(composer, "scale", &[1.0; 3], display::RATIOS)?,
             soft_iron: self.soft_iron.block(composer, "soft_iron", &[0.0; 3], SOFT_IRON)?,

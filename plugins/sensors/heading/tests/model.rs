@@ -1,5 +1,5 @@
 //! Equations of a compass and of two antennas: signs, and the way round the circle.
-#![allow(missing_docs, reason = "test")]
+#![allow(missing_docs, clippy::unwrap_used, reason = "test")]
 
 use navfuse_testing::ModelBench;
 
@@ -223,5 +223,85 @@ mod field {
         assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-12), "{found:?}");
         let error = bench.jacobian_error();
         assert!(error < 1e-6, "{error}");
+    }
+}
+
+/// The World Magnetic Model as the source of the field.
+mod model_of_the_earth {
+    use navfuse_core::compose::Composition;
+    use navfuse_core::state::Mode;
+    use navfuse_testing::ModelBench;
+
+    const PLACE: &str = "latitude = \"42.283 deg\", longitude = \"-71.35 deg\", height = \"1 km\"";
+
+    fn scenario(sensors: &str) -> String {
+        super::SCENARIO.replacen("[sensor.reference]", &format!("{sensors}[sensor.reference]"), 1)
+    }
+
+    fn magnetometer(date: &str, more: &str) -> String {
+        let wmm = format!("wmm = {{ {PLACE}, date = \"{date}\" }}");
+        scenario(&format!("[sensor.magnetometer]\nnoise = \"0.1 uT\"\nfield = {{ {wmm}{more} }}\n"))
+    }
+
+    /// The example of MathWorks for `wrldmagm`: 20139, -4905 and 46532 nT, and -13.6891 deg. The date
+    /// is the beginning of a day, in which the field changes by 0.2 nT.
+    #[test]
+    fn both_sensors_have_the_field_of_place_and_date() {
+        let text = magnetometer("2028-07-04", "");
+        let bench = ModelBench::new(&text, &[], "magnetometer", &[("ins.attitude", &[0.0; 3])]);
+        for (found, expected) in bench.predict().iter().zip([20139.0, -4905.0, 46532.0]) {
+            assert!((found * 1e9 - expected).abs() < 0.7, "{found:e} {expected}");
+        }
+        let wmm = format!("sensor.compass.wmm={{ {PLACE}, date = \"2028-07-04\" }}");
+        let state: [(&str, &[f64]); 2] =
+            [("ins.attitude", &[0.0; 3]), ("compass.deviation", &[0.0])];
+        let text = super::SCENARIO.replace("    declination = { sigma = \"1 deg\" }\n", "");
+        let declination = -ModelBench::new(&text, &[&wmm], "compass", &state).predict()[0];
+        assert!((declination.to_degrees() + 13.6891).abs() < 2e-4, "{}", declination.to_degrees());
+    }
+
+    fn compose(text: &str) -> Result<Composition, String> {
+        navfuse_testing::scenario(text, &[], |s| s.compose().map_err(|error| error.to_string()))
+    }
+
+    /// 0.26 deg and 5417 deg nT over 20728 nT are 0.3686 deg.
+    #[test]
+    fn the_filter_considers_the_uncertainty_of_the_model_unless_the_scenario_states_one() {
+        let declination = |more: &str| {
+            let composition = compose(&magnetometer("2028-07-04", more)).unwrap();
+            let name = "magnetometer.declination";
+            let block = composition.layout.blocks.iter().find(|b| b.name == name).unwrap();
+            (block.spec.mode, block.spec.sigma[0].to_degrees())
+        };
+        let (mode, sigma) = declination("");
+        assert!(mode == Mode::Consider && (sigma - 0.3686).abs() < 1e-4, "{mode:?} {sigma}");
+        let (mode, sigma) = declination(", declination.sigma = \"2 deg\"");
+        assert!(mode == Mode::Estimate && (sigma - 2.0).abs() < 1e-9, "{mode:?} {sigma}");
+    }
+
+    #[test]
+    fn a_date_outside_the_validity_needs_a_sigma_and_is_noted() {
+        let refused = compose(&magnetometer("2030-01-01", "")).unwrap_err();
+        assert!(
+            refused.contains("field: declination") && refused.contains("2025 to 2030"),
+            "{refused}"
+        );
+        let stated = ", declination.sigma = \"2 deg\"";
+        let noted = |date: &str| {
+            let notes = compose(&magnetometer(date, stated)).unwrap().notes;
+            notes.iter().any(|(_, text)| text.contains("the date is outside its validity"))
+        };
+        assert!(noted("2030-01-01") && noted("2024-12-31"));
+        assert!(!noted("2029-12-31") && !noted("2025-01-01"));
+    }
+
+    #[test]
+    fn a_field_from_two_sources_or_from_none_is_rejected() {
+        for field in [", strength = \"46 uT\"", ", inclination = \"60 deg\""] {
+            let text = magnetometer("2026-01-01", field);
+            assert!(compose(&text).unwrap_err().contains("give wmm, or strength and inclination"));
+        }
+        let none = "[sensor.magnetometer]\nnoise = \"0.1 uT\"\nfield = { strength = \"46 uT\" }\n";
+        assert!(compose(&scenario(none)).unwrap_err().contains("give wmm"));
     }
 }
