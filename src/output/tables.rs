@@ -126,6 +126,9 @@ fn harmless(text: &str) -> String {
     out
 }
 
+/// Width of a table in a file or a pipe, if nothing gives another, columns.
+const PAGE: usize = 120;
+
 /// A table that fits itself to the terminal when it is printed.
 pub struct Table {
     headings: Vec<String>,
@@ -227,18 +230,13 @@ fn in_line(row: &Row) -> String {
 /// A table, or its rows alone where results are printed without tables.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match Stream::Output.width() {
-            _ if Detail::is_quiet() => {
-                let rows: Vec<String> = self.table.row_iter().map(in_line).collect();
-                f.write_str(&rows.join("\n"))
-            }
-            None => self.table.fmt(f),
-            Some(width) => {
-                let lines = self.within(width);
-                // the space behind the last column could reach beyond the edge
-                let lines = lines.lines().map(|l| l.trim_end().to_owned());
-                f.write_str(&lines.collect::<Vec<_>>().join("\n"))
-            }
-        }
+        let lines: Vec<String> = if Detail::is_quiet() {
+            self.table.row_iter().map(in_line).collect()
+        } else {
+            let table = self.within(Stream::Output.width().unwrap_or(PAGE));
+            // the space behind the last column could reach beyond the edge
+            table.lines().map(|line| line.trim_end().to_owned()).collect()
+        };
+        f.write_str(&lines.join("\n"))
     }
 }

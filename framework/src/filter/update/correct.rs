@@ -38,6 +38,7 @@ impl Ekf {
         model: &dyn AnyMeasurement,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
+        self.settle(observer);
         let Some(attempt) = self.linearise(sample, model) else {
             return Ok(()); // the sample's time minus its offset is before the start
         };

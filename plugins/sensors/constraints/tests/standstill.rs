@@ -91,3 +91,37 @@ fn an_odometer_tells_a_smooth_ride_from_standing() {
     ];
     at_the_standstills_alone(&updates(&settings));
 }
+
+/// Sigma of the velocity of a car that stands, whose IMU is noisy and which nothing but its zero
+/// velocity corrects, five times a second.
+fn sigma_at_rest(settings: &[&str]) -> Vec<f64> {
+    let common = [
+        "estimator.start=40 s",
+        "estimator.stop=58.9 s",
+        "sensor.odometer.enabled=false",
+        "sensor.non-holonomic.enabled=false",
+        "sensor.zero-velocity.rate=5 Hz",
+        "sensor.zero-velocity.quiet_force=100 mg",
+        "sensor.imu.accel_noise=3 mg/sqrt(Hz)",
+    ];
+    let settings: Vec<String> = common.iter().chain(settings).map(|s| (*s).to_owned()).collect();
+    let registry = registry();
+    let scenario = Scenario::new(&registry, document("land-odometer.toml"), &settings)
+        .unwrap_or_else(|e| panic!("{e}"));
+    let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let rows = &finished.summary.rows;
+    rows.iter().find(|r| r.name == "ins.velocity").expect("it is estimated").sigma.clone()
+}
+
+/// The covariance waits for up to 2 s, in which the noise of the IMU adds 4 cm/s; it is brought to
+/// the time of each standstill before it is corrected, or sigma would be that of another time.
+#[test]
+fn a_standstill_corrects_the_covariance_of_its_own_time_at_every_covariance_rate() {
+    let every = sigma_at_rest(&[]);
+    let pooled = sigma_at_rest(&["estimator.covariance_rate=0.5 Hz"]);
+    for (every, pooled) in every.iter().zip(&pooled) {
+        assert!((pooled / every - 1.0).abs() < 1e-3, "{every} {pooled}");
+    }
+}
