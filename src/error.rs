@@ -10,6 +10,7 @@ use navfuse_core::session::RunError;
 use navfuse_diagnose::DiagnoseError;
 use navfuse_figures::FigureError;
 use navfuse_import::ImportError;
+use navfuse_live::LiveError;
 use navfuse_observability::plan::PlanError;
 use navfuse_report::pan_wu::Missing;
 use navfuse_segments::SegmentError;
@@ -104,6 +105,16 @@ pub enum CommandError {
     /// A result cannot be written as JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
+}
+
+impl From<LiveError> for CommandError {
+    fn from(error: LiveError) -> Self {
+        match error {
+            LiveError::Scenario(error) => error.into(),
+            LiveError::Start(error) => error.into(),
+            other => Self::Request(other.to_string()),
+        }
+    }
 }
 
 impl From<ImportError> for CommandError {

@@ -82,14 +82,14 @@ pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
     let folder = arguments.out.clone().unwrap_or_else(|| runs_folder(&scenario.name()));
     let _lock = FolderLock::take(&folder)?;
     let resume = if arguments.resume { read_checkpoint(&folder)? } else { None };
-    let assembly = scenario.assemble_live(Some(&folder))?;
+    let assemble = || scenario.assemble_live(Some(&folder));
     let every = seconds("--checkpoint", &arguments.checkpoint)?;
     let checkpoints = Duration::try_from_secs_f64(every)
         .map_err(|e| CommandError::argument("--checkpoint", e.to_string()))?;
-    let options =
-        Options { speed: arguments.speed, folder: Some(folder), checkpoints, resume, reopen };
+    let (speed, saved) = (arguments.speed, Some(folder.clone()));
+    let options = Options { speed, folder: saved, checkpoints, resume, reopen };
     let mut last = Last(Status::default(), ServiceManager::connect());
-    let finished = run(assembly, options, &stop, &mut last)?;
+    let finished = run(assemble, options, &stop, &mut last)?;
     let text = arguments.format == Format::Text;
     print(&finished, text)?;
     if text {

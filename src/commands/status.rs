@@ -66,6 +66,9 @@ fn print(state: &State, age: Duration) {
         ]);
     }
     line(format_args!("{rows}"));
+    if let Some(command) = &state.command {
+        line(format_args!("last command: {command}"));
+    }
     for sensor in &state.sensors {
         if let Some([drift, sigma]) = sensor.clock.drift_ppm {
             let delay = sensor.clock.delay_s.map_or(String::new(), |delay| {
@@ -94,5 +97,6 @@ fn words(state: SensorState) -> &'static str {
         SensorState::Rejected => "rejected",
         SensorState::Silent => "silent",
         SensorState::Contradicting => "contradicting",
+        SensorState::Off => "off",
     }
 }

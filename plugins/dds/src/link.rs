@@ -120,7 +120,7 @@ impl Topics {
                 Err(error) => (Level::Error, error.to_string()),
             };
             // the feed that logs it ends with this source
-            self.remarks.send((level, text)).ok();
+            self.remarks.send(Remark::Report(level, text)).ok();
         }
     }
 

@@ -128,7 +128,9 @@ fn received(python: &Path) -> Vec<Value> {
     let stop = AtomicBool::new(false);
     let text = scope(|threads| {
         let options = Options { speed: SPEED, ..Options::default() };
-        let running = threads.spawn(|| run(assembly, options, &stop, &mut ()).unwrap());
+        let mut first = Some(assembly);
+        let assemble = move || Ok(first.take().unwrap());
+        let running = threads.spawn(|| run(assemble, options, &stop, &mut ()).unwrap());
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vehicle.py");
         let mut vehicle = Command::new(python);
         vehicle.arg(script).arg(&domain).arg(&samples).arg(SPEED.to_string());

@@ -1,5 +1,6 @@
 //! The parameters that all links have: format and clock.
 
+use crate::port::Remark;
 use crate::samples::Samples;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::OpenContext;
@@ -11,6 +12,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::io::Read;
 use std::path::PathBuf;
+use std::sync::mpsc::Sender;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The time of a sample.
@@ -36,6 +38,8 @@ pub struct Format {
     pub time: TimeOfSample,
     /// The zero of the run's clock.
     pub clock: TimeConfig,
+    /// Sentences with commands are obeyed.
+    pub commands: bool,
 }
 
 /// Sentences of NMEA 0183, and the sensors that receive them: see the source of that name.
@@ -99,6 +103,7 @@ impl Format {
         self,
         port: &str,
         reader: impl Read + Send + 'static,
+        remarks: &Sender<Remark>,
         context: &OpenContext<'_>,
     ) -> Result<Box<dyn Source>, StreamError> {
         let (file, mut time) = (PathBuf::from(port), self.clock);
@@ -108,8 +113,12 @@ impl Format {
         match (self.nmea, self.dvl) {
             (None, None) => {
                 let zero = time.zero().map_err(|e| e.at_key("clock"))?;
-                Ok(Box::new(Samples::new(file, reader, zero, context)))
+                let commands = self.commands.then(|| remarks.clone());
+                Ok(Box::new(Samples::new(file, reader, zero, commands, context)))
             }
+            _ if self.commands => Err(StreamError::scenario("commands are sentences of samples")
+                .at_key("commands")
+                .with_remedy("remove it, or add a link without `nmea` and `dvl`")),
             (Some(n), None) => {
                 let NmeaFormat { gnss, heading, magnetic, declination, usbl, beacon, .. } = n;
                 let NmeaFormat { depth, reference, talker, estimated, checksum, .. } = n;

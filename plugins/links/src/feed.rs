@@ -17,7 +17,7 @@ const BETWEEN_REPORTS: Duration = Duration::from_secs(10);
 pub struct PortFeed {
     /// The samples in the bytes of the port.
     pub samples: Box<dyn Source>,
-    /// Remarks of the port for the log.
+    /// Remarks of the port.
     pub remarks: Receiver<Remark>,
     /// Set for a port that makes its sender wait while the run is behind.
     pub waits: bool,
@@ -35,8 +35,11 @@ impl Feed for PortFeed {
         let mut sample = Sample::empty(Time::MIN, SensorId(0));
         while !inbox.is_closed() {
             let next = self.samples.next(&mut sample);
-            for (level, text) in self.remarks.try_iter() {
-                inbox.report(level, text);
+            for remark in self.remarks.try_iter() {
+                match remark {
+                    Remark::Report(level, text) => inbox.report(level, text),
+                    Remark::Command(command) => inbox.command(command),
+                }
             }
             match next {
                 Ok(true) if self.waits => inbox.deliver(&sample),

@@ -1,6 +1,7 @@
 //! A port that is opened again after it was lost, with a back-off.
 
 use navfuse_core::model::record::Level;
+use navfuse_core::model::stream::Command;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -14,8 +15,14 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5
 /// Opens a port. Its reads wait for at most [`PATIENCE`].
 pub type Open = Box<dyn FnMut() -> Result<Box<dyn Read + Send>> + Send>;
 
-/// A remark for the log.
-pub type Remark = (Level, String);
+/// A remark of a port beside its samples.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Remark {
+    /// For the log.
+    Report(Level, String),
+    /// To the run.
+    Command(Command),
+}
 
 /// A reader that never ends: without bytes it fails with `WouldBlock`.
 pub struct Port {
@@ -36,7 +43,7 @@ impl Port {
 
     fn remark(&self, level: Level, text: &str) {
         // the feed that logs it ends with this port
-        self.remarks.send((level, format!("{}: {text}", self.name))).ok();
+        self.remarks.send(Remark::Report(level, format!("{}: {text}", self.name))).ok();
     }
 
     /// Opens the port where an attempt is due; waits for a moment otherwise.
@@ -97,7 +104,7 @@ impl Read for Port {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use std::sync::mpsc::channel;
 
@@ -122,7 +129,11 @@ mod tests {
             }
         }
         assert_eq!(read, b"firstagain");
-        let texts: Vec<String> = remarks.try_iter().map(|(_, text)| text).collect();
+        let text = |remark| match remark {
+            Remark::Report(_, text) => text,
+            Remark::Command(command) => panic!("{command:?}"),
+        };
+        let texts: Vec<String> = remarks.try_iter().map(text).collect();
         assert_eq!(texts.len(), 3, "open, lost, open again: {texts:?}");
         assert!(texts[1].starts_with("tcp: lost: the other side closed it"), "{texts:?}");
     }

@@ -33,6 +33,9 @@ pub struct Udp {
     /// The clock of the stamps.
     #[serde(default)]
     pub clock: TimeConfig,
+    /// Obeys sentences with commands, such as a reset. Default: false.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 /// Connects to a server by TCP, and again whenever the connection is lost. Without `nmea` or `dvl`
@@ -52,6 +55,9 @@ pub struct Tcp {
     /// The clock of the stamps.
     #[serde(default)]
     pub clock: TimeConfig,
+    /// Obeys sentences with commands, such as a reset. Default: false.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 /// Reads standard input to its end. Without `nmea` or `dvl` it holds sentences of samples.
@@ -68,13 +74,16 @@ pub struct StandardInput {
     /// The clock of the stamps.
     #[serde(default)]
     pub clock: TimeConfig,
+    /// Obeys sentences with commands, such as a reset. Default: false.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 impl LinkType for Udp {
     const TYPE: &'static str = "udp";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { address, nmea, dvl, time, clock } = self;
+        let Self { address, nmea, dvl, time, clock, commands } = self;
         let place = resolve(&address)?;
         let open = move || {
             let socket = UdpSocket::bind(place)?;
@@ -82,7 +91,7 @@ impl LinkType for Udp {
             Ok(Box::new(Datagrams(socket)) as Box<dyn Read + Send>)
         };
         let name = format!("udp {address}");
-        lasting(name, Box::new(open), Format { nmea, dvl, time, clock }, (false, context))
+        lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (false, context))
     }
 }
 
@@ -90,7 +99,7 @@ impl LinkType for Tcp {
     const TYPE: &'static str = "tcp";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { address, nmea, dvl, time, clock } = self;
+        let Self { address, nmea, dvl, time, clock, commands } = self;
         let place = resolve(&address)?;
         let open = move || {
             let stream = TcpStream::connect_timeout(&place, CONNECT)?;
@@ -99,7 +108,7 @@ impl LinkType for Tcp {
             Ok(Box::new(stream) as Box<dyn Read + Send>)
         };
         let name = format!("tcp {address}");
-        lasting(name, Box::new(open), Format { nmea, dvl, time, clock }, (true, context))
+        lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (true, context))
     }
 }
 
@@ -107,10 +116,10 @@ impl LinkType for StandardInput {
     const TYPE: &'static str = "stdin";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { nmea, dvl, time, clock } = self;
-        let format = Format { nmea, dvl, time, clock };
-        let samples = format.samples("standard input", io::stdin(), context)?;
-        let (_, remarks) = channel();
+        let Self { nmea, dvl, time, clock, commands } = self;
+        let format = Format { nmea, dvl, time, clock, commands };
+        let (to, remarks) = channel();
+        let samples = format.samples("standard input", io::stdin(), &to, context)?;
         Ok(Box::new(PortFeed { samples, remarks, waits: true }))
     }
 }
@@ -123,8 +132,8 @@ pub fn lasting(
     (waits, context): (bool, &OpenContext<'_>),
 ) -> Result<Box<dyn Feed>, StreamError> {
     let (to, remarks) = channel();
-    let port = Port::new(name.clone(), open, to);
-    let samples = format.samples(&name, port, context)?;
+    let port = Port::new(name.clone(), open, to.clone());
+    let samples = format.samples(&name, port, &to, context)?;
     Ok(Box::new(PortFeed { samples, remarks, waits }))
 }
 

@@ -8,9 +8,16 @@
 //! The time is in seconds on the clock of the run, or empty where samples are stamped on arrival.
 //! Values are in SI. The sensor and the channels have the names of the scenario; a channel that is
 //! missing is left out.
+//!
+//! A sentence with a command is `$PNVC` and `reset`, `checkpoint`, or `sensor`, the name of a sensor, and
+//! `on` or `off`:
+//! ```text
+//! $PNVC,sensor,dvl,off*20
+//! ```
 
 use navfuse_core::model::sensor::SensorInfo;
-use navfuse_core::units::sample::Sample;
+use navfuse_core::model::stream::Command;
+use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_frames::Sentences;
 use navfuse_nmea::writing::close;
@@ -19,6 +26,8 @@ use std::str::Split;
 
 /// The address of a sentence of samples.
 const ADDRESS: &str = "PNVF";
+/// The address of a sentence with a command.
+const COMMAND: &[u8] = b"PNVC,";
 
 /// A sentence of samples, whose channels are not resolved yet.
 #[derive(Clone, Debug)]
@@ -51,6 +60,26 @@ impl<'a> Sentence<'a> {
             sample.set(info.position(name)?, value.parse().ok()?);
         }
         (sample.present() != 0).then_some(())
+    }
+}
+
+/// Tests whether the content of a frame of [`Sentences::NMEA`] is a command.
+pub(crate) fn is_command(content: &[u8]) -> bool {
+    content.starts_with(COMMAND)
+}
+
+/// The command in such a content, to a run with these sensors; `None` if it has no such command.
+pub(crate) fn command(content: &[u8], sensors: &[SensorInfo]) -> Option<Command> {
+    let text = std::str::from_utf8(content.strip_prefix(COMMAND)?).ok()?;
+    let mut fields = text.split(',');
+    match [(); 4].map(|()| fields.next()) {
+        [Some("reset"), None, ..] => Some(Command::Reset),
+        [Some("checkpoint"), None, ..] => Some(Command::Checkpoint),
+        [Some("sensor"), Some(name), Some(switch @ ("on" | "off")), None] => {
+            let sensor = sensors.iter().position(|info| info.name == name)?;
+            Some(Command::Use(SensorId(sensor), switch == "on"))
+        }
+        _ => None,
     }
 }
 
@@ -94,7 +123,7 @@ mod tests {
     use super::*;
     use navfuse_core::model::sensor::Purpose;
     use navfuse_core::model::sensor::mounting::Mounting;
-    use navfuse_core::units::sample::{Channel, SensorId};
+    use navfuse_core::units::sample::Channel;
     use navfuse_frames::Frames;
 
     fn dvl() -> SensorInfo {
@@ -125,6 +154,27 @@ mod tests {
             assert_eq!(back.present(), sample.present());
             assert_eq!(back.get(0).map(f64::to_bits), sample.get(0).map(f64::to_bits));
             assert_eq!(back.get(2).map(f64::to_bits), sample.get(2).map(f64::to_bits));
+        }
+    }
+
+    #[test]
+    fn a_command_is_known_by_all_of_its_fields() {
+        let of = |text: &str| command(text.as_bytes(), &[dvl()]);
+        assert_eq!(of("PNVC,reset"), Some(Command::Reset));
+        assert_eq!(of("PNVC,checkpoint"), Some(Command::Checkpoint));
+        assert_eq!(of("PNVC,sensor,dvl,off"), Some(Command::Use(SensorId(0), false)));
+        assert_eq!(of("PNVC,sensor,dvl,on"), Some(Command::Use(SensorId(0), true)));
+        for wrong in [
+            "PNVC,",
+            "PNVC,reset,now",
+            "PNVC,Reset",
+            "PNVC,sensor,dvl",
+            "PNVC,sensor,dvl,0",
+            "PNVC,sensor,sonar,off",
+            "PNVC,sensor,dvl,on,dvl",
+            "PNVF,dvl,1.5,vel_x=1",
+        ] {
+            assert_eq!(of(wrong), None, "{wrong}");
         }
     }
 

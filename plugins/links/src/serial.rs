@@ -33,13 +33,16 @@ pub struct Serial {
     /// The clock of the stamps.
     #[serde(default)]
     pub clock: TimeConfig,
+    /// Obeys sentences with commands, such as a reset. Default: false.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 impl LinkType for Serial {
     const TYPE: &'static str = "serial";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { device, baud, nmea, dvl, time, clock } = self;
+        let Self { device, baud, nmea, dvl, time, clock, commands } = self;
         if baud == 0 {
             return Err(StreamError::network("a port of 0 bit/s carries nothing".to_owned())
                 .at_key("baud")
@@ -48,7 +51,7 @@ impl LinkType for Serial {
         let name = format!("serial {device}");
         let open =
             move || Ok(Box::new(serial_port(&device, baud, PATIENCE)?) as Box<dyn Read + Send>);
-        lasting(name, Box::new(open), Format { nmea, dvl, time, clock }, (false, context))
+        lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (false, context))
     }
 }
 

@@ -1,13 +1,16 @@
 //! The driver of a live run: it owns the clock and the threads.
 
-use crate::health::{LinkStatus, Sensors, Status};
+use crate::error::LiveError;
+use crate::health::{SensorState, Sensors, Status};
 use crate::latency::Latency;
+use crate::ports::Ports;
 use crate::saver::{CHECKPOINT, STATUS, Saver};
-use crate::stamps::{Judged, Stamps};
+use crate::stamps::Judged;
 use navfuse_core::checkpoint::Checkpoint;
 use navfuse_core::model::record::{Epoch, Event, Level};
 use navfuse_core::model::sensor::conversion::Converter;
-use navfuse_core::model::stream::{Arrival, Arrivals, NamedFeed, Parcel, StreamError};
+use navfuse_core::model::stream::{Arrival, Command, Parcel, StreamError};
+use navfuse_core::plugin::BuildError;
 use navfuse_core::run::scenario::LiveAssembly;
 use navfuse_core::session::{End, Finished, RunError, Session};
 use navfuse_core::units::sample::Sample;
@@ -15,7 +18,6 @@ use navfuse_core::units::time::{Span, Time};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 /// Longest wait for a sample, after which the driver looks at its clock and whether to stop.
@@ -58,58 +60,50 @@ pub trait Watch {
 
 impl Watch for () {}
 
-/// Runs an assembly on its links until `stop` is set or all links have ended.
+/// Runs a scenario on its links until `stop` is set or all links have ended.
 ///
 /// The driver looks at `stop` every 20 ms, also while the links wait for bytes. It writes the
-/// checkpoint and the state of the run to the folder of the options.
+/// checkpoint and the state of the run to the folder of the options. Where a command resets the run,
+/// `assemble` is called again; the links of the first assembly go on.
 ///
 /// # Errors
-/// When a thread cannot be started, or the checkpoint is of another scenario.
+/// When the scenario cannot be assembled, a thread cannot be started, or the checkpoint is of another
+/// scenario.
 pub fn run(
-    assembly: LiveAssembly,
-    options: Options,
+    mut assemble: impl FnMut() -> Result<LiveAssembly, BuildError>,
+    mut options: Options,
     stop: &AtomicBool,
     watch: &mut dyn Watch,
-) -> Result<Finished, StreamError> {
-    let mut arrivals = Arrivals::default();
-    let LiveAssembly { composition, feeds, sinks } = assembly;
-    let feeds = start(feeds, &mut arrivals)?;
-    let assembly = LiveAssembly { composition, feeds: Vec::new(), sinks };
-    Driver::new(assembly, options, arrivals, feeds)?.run(stop, watch)
-}
-
-/// Starts each feed on a thread of its own; returns their names.
-pub(crate) fn start(
-    feeds: Vec<NamedFeed>,
-    arrivals: &mut Arrivals,
-) -> Result<Vec<String>, StreamError> {
-    let mut names = Vec::new();
-    for (name, feed) in feeds {
-        let mut inbox = arrivals.inbox();
-        let thread = Builder::new().name(name.clone()).spawn(move || feed.run(&mut inbox));
-        // the thread ends with the run, or with the process where its port blocks
-        drop(thread.map_err(|e| StreamError::new("the system gives no thread").with_source(e))?);
-        names.push(name);
+) -> Result<Finished, LiveError> {
+    let mut assembly = assemble()?;
+    let feeds = std::mem::take(&mut assembly.feeds);
+    let mut ports = Ports::start(feeds, &assembly.composition, options.speed)?;
+    loop {
+        match Driver::new(assembly, &mut options, ports)?.run(true, stop, watch) {
+            (finished, None) => return Ok(finished),
+            (_, Some(open)) => (assembly, ports) = (assemble()?, open),
+        }
     }
-    Ok(names)
 }
 
 /// A live run.
 pub(crate) struct Driver {
     name: String,
     session: Session,
-    arrivals: Arrivals,
-    links: Vec<LinkStatus>,
+    ports: Ports,
     /// Events that the next sample takes into the log.
     reports: Vec<Event>,
     converters: Vec<Option<Converter>>,
     names: Vec<String>,
-    stamps: Stamps,
     sensors: Sensors,
     latency: Latency,
     saver: Option<Saver>,
-    /// Cleared once the run turns out to have no checkpoints.
-    saves: bool,
+    /// The reason for which the run has no checkpoint, once it is reported.
+    unsaved: Option<String>,
+    /// The last command, and what came of it.
+    command: Option<String>,
+    /// Set once a command resets the run.
+    reset: bool,
     saved: Instant,
     checkpoints: Duration,
     reopen: Arc<AtomicBool>,
@@ -118,30 +112,24 @@ pub(crate) struct Driver {
 }
 
 impl Driver {
-    /// A run on feeds that have been started, each with its name.
+    /// A run of an assembly on links that are open.
     pub(crate) fn new(
         assembly: LiveAssembly,
-        options: Options,
-        mut arrivals: Arrivals,
-        feeds: Vec<String>,
+        options: &mut Options,
+        mut ports: Ports,
     ) -> Result<Self, StreamError> {
         let LiveAssembly { composition, mut sinks, .. } = assembly;
         let infos: Vec<_> = composition.sensors.iter().map(|s| s.info.clone()).collect();
         let sensors = Sensors::new(&infos, options.speed);
         sinks.iter_mut().for_each(|(_, sink)| sink.never_wait());
         sinks.push(("live".to_owned(), Box::new(sensors.clone())));
-        let late = composition.sensors.iter().map(|s| s.late.map_or(0.0, Span::seconds)).collect();
-        let driver = composition.processes.iter().find_map(|p| p.input);
         let begin = Instant::now();
-        let link = |name| LinkStatus { name, ..LinkStatus::default() };
         Ok(Self {
             name: composition.name.clone(),
-            links: feeds.into_iter().map(link).collect(),
             reports: Vec::new(),
             converters: composition.sensors.iter().map(|s| s.conversion.clone()).collect(),
             names: infos.into_iter().map(|info| info.name).collect(),
-            stamps: Stamps::new(driver, late, options.speed),
-            session: match options.resume {
+            session: match options.resume.take() {
                 Some(from) => Session::resume(composition, sinks, &from).map_err(|e| {
                     let remedy = "remove the checkpoint, or run without --resume";
                     StreamError::scenario(e.to_string()).with_remedy(remedy).with_source(e)
@@ -149,51 +137,65 @@ impl Driver {
                 None => Session::new(composition, sinks),
             },
             saver: match &options.folder {
-                Some(folder) => Some(Saver::start(folder, arrivals.inbox())?),
+                Some(folder) => Some(Saver::start(folder, ports.arrivals.inbox())?),
                 None => None,
             },
-            arrivals,
+            ports,
             sensors,
             latency: Latency::default(),
-            saves: true,
+            unsaved: None,
+            command: None,
+            reset: false,
             checkpoints: options.checkpoints,
-            reopen: options.reopen,
+            reopen: Arc::clone(&options.reopen),
             saved: begin,
             shown: begin,
             begin,
         })
     }
 
-    /// Runs until `stop` is set or all links have ended.
+    /// Runs until `stop` is set or all links have ended. A run that a command may reset returns its links
+    /// where one does.
     pub(crate) fn run(
         mut self,
+        resets: bool,
         stop: &AtomicBool,
         watch: &mut dyn Watch,
-    ) -> Result<Finished, StreamError> {
-        let end = self.go_on(stop, watch).unwrap_or_else(End::Failed);
+    ) -> (Finished, Option<Ports>) {
+        let end = self.go_on(resets, stop, watch).unwrap_or_else(End::Failed);
         self.show(watch);
         self.reports.retain(|event| event.level > Level::Info);
         for Event { about, text, .. } in std::mem::take(&mut self.reports) {
             self.session.warn_at_end(about, text);
         }
-        let last = matches!(end, End::Interrupted).then(|| self.checkpoint()).flatten();
+        let last = match (&end, self.reset) {
+            // nothing to go on from
+            (_, true) => Some(Vec::new()),
+            (End::Interrupted, _) => self.checkpoint(),
+            _ => None,
+        };
         let mut finished = self.session.finish(end);
         finished.summary.wall_s = self.begin.elapsed().as_secs_f64();
-        drop(self.arrivals);
+        let ports = self.reset.then_some(self.ports);
         if let Some(saver) = self.saver {
             saver.finish(last.map(|bytes| (CHECKPOINT, bytes)).into_iter().collect());
         }
-        Ok(finished)
+        (finished, ports)
     }
 
-    fn go_on(&mut self, stop: &AtomicBool, watch: &mut dyn Watch) -> Result<End, RunError> {
+    fn go_on(
+        &mut self,
+        resets: bool,
+        stop: &AtomicBool,
+        watch: &mut dyn Watch,
+    ) -> Result<End, RunError> {
         while !self.session.is_over() {
-            if stop.load(Ordering::Relaxed) {
+            if stop.load(Ordering::Relaxed) || self.reset {
                 return Ok(End::Interrupted);
             }
-            match self.arrivals.next(PATIENCE) {
-                Some(arrival) => self.take(arrival, watch)?,
-                None if self.links.iter().all(|link| link.ended) => break,
+            match self.ports.arrivals.next(PATIENCE) {
+                Some(arrival) => self.take(arrival, resets, watch)?,
+                None if self.ports.have_ended() => break,
                 None => self.wait()?,
             }
             if self.reopen.swap(false, Ordering::Relaxed) {
@@ -204,21 +206,21 @@ impl Driver {
                 self.show(watch);
             }
             if self.saved.elapsed() >= self.checkpoints {
-                self.saved = Instant::now();
-                if let Some(bytes) = self.checkpoint()
-                    && let Some(saver) = &self.saver
-                {
-                    saver.save(CHECKPOINT, bytes);
-                }
+                self.save();
             }
         }
         Ok(End::Complete)
     }
 
     /// Takes what a link handed over.
-    fn take(&mut self, arrival: Arrival, watch: &mut dyn Watch) -> Result<(), RunError> {
+    fn take(
+        &mut self,
+        arrival: Arrival,
+        resets: bool,
+        watch: &mut dyn Watch,
+    ) -> Result<(), RunError> {
         let Arrival { feed, at, parcel } = arrival;
-        let link = self.links.get_mut(feed);
+        let link = self.ports.links.get_mut(feed);
         match parcel {
             Parcel::Sample(sample) => {
                 if let Some(link) = link {
@@ -232,6 +234,12 @@ impl Driver {
                 let about = link.map_or("live", |link| &link.name).to_owned();
                 self.report(level, about, text);
             }
+            Parcel::Command(command) => {
+                let about = link.map_or("live", |link| &link.name).to_owned();
+                let text = self.obey(command, resets);
+                self.command = Some(format!("{text}, by {about}"));
+                self.report(Level::Warning, about, text);
+            }
             Parcel::End => {
                 if let Some(link) = link {
                     link.ended = true;
@@ -241,14 +249,41 @@ impl Driver {
         Ok(())
     }
 
-    /// Pushes a sample, unless its time stamp is wrong.
+    /// Obeys a command, and returns what came of it.
+    fn obey(&mut self, command: Command, resets: bool) -> String {
+        match command {
+            Command::Reset => {
+                self.reset = resets;
+                if resets { "the run begins anew" } else { "the run has no way to begin anew" }
+                    .to_owned()
+            }
+            Command::Checkpoint => match self.save() {
+                true => "the run is saved".to_owned(),
+                false => "the run has nothing to save, or no folder".to_owned(),
+            },
+            Command::Use(sensor, used) => {
+                let Some(off) = self.ports.off.get_mut(sensor.0) else {
+                    return "there is no such sensor".to_owned();
+                };
+                *off = !used;
+                let state = if used { "on" } else { "off" };
+                format!("{} is switched {state}", self.names[sensor.0])
+            }
+        }
+    }
+
+    /// Pushes a sample, unless its sensor is switched off or its time stamp is wrong.
     fn push(&mut self, mut sample: Sample, at: Instant) -> Result<(), RunError> {
         let sensor = sample.sensor.0;
         let Some(converter) = self.converters.get(sensor) else { return Ok(()) };
+        if self.ports.off[sensor] {
+            self.sensors.left_out(sensor);
+            return Ok(());
+        }
         if let Some(converter) = converter {
             converter.apply(&mut sample);
         }
-        match self.stamps.judge(sensor, sample.time, at) {
+        match self.ports.stamps.judge(sensor, sample.time, at) {
             Judged::Usable(time) => sample.time = time,
             Judged::Stepped(time, step) => {
                 sample.time = time;
@@ -281,9 +316,9 @@ impl Driver {
     /// Lets the time of the run go on while the driving sensor is silent.
     fn wait(&mut self) -> Result<(), RunError> {
         let now = Instant::now();
-        let silent = self.stamps.silence(now).is_some_and(|silence| silence > BEHIND);
+        let silent = self.ports.stamps.silence(now).is_some_and(|silence| silence > BEHIND);
         let behind = Span::from_seconds(BEHIND).unwrap_or_default();
-        match self.stamps.now(now).filter(|_| silent && self.session.running()) {
+        match self.ports.stamps.now(now).filter(|_| silent && self.session.running()) {
             Some(time) => self.session.tick(time - behind),
             None => Ok(()),
         }
@@ -292,12 +327,17 @@ impl Driver {
     /// Shows the state of the run, and writes it.
     fn show(&mut self, watch: &mut dyn Watch) {
         let verdict = self.session.health();
-        self.count_dropped();
+        for (about, text) in self.ports.count_dropped() {
+            self.report(Level::Warning, about, text);
+        }
         let running = self.session.running();
         let milliseconds = |latency: Duration| latency.as_secs_f64() * 1e3;
         let mut sensors = self.sensors.status(Instant::now(), &verdict);
         for (k, sensor) in sensors.iter_mut().enumerate() {
-            sensor.clock = self.stamps.clock(k);
+            sensor.clock = self.ports.stamps.clock(k);
+            if self.ports.off[k] {
+                sensor.state = SensorState::Off;
+            }
         }
         let status = Status {
             name: self.name.clone(),
@@ -306,7 +346,8 @@ impl Driver {
             sensors,
             verdict: verdict.level,
             text: verdict.text,
-            links: self.links.clone(),
+            links: self.ports.links.clone(),
+            command: self.command.clone(),
             latency_ms: [
                 milliseconds(self.latency.quantile(0.5)),
                 milliseconds(self.latency.quantile(0.99)),
@@ -321,36 +362,27 @@ impl Driver {
         }
     }
 
-    /// Counts the samples that the links dropped. A link that floods the run is reported at once, and
-    /// again whenever its count has doubled.
-    fn count_dropped(&mut self) {
-        let mut reports = Vec::new();
-        for (k, link) in self.links.iter_mut().enumerate() {
-            let dropped = self.arrivals.dropped(k);
-            if (dropped + 1).ilog2() > (link.dropped + 1).ilog2() {
-                let text = format!("{dropped} samples dropped: they came faster than the filter");
-                reports.push((link.name.clone(), text));
-            }
-            link.dropped = dropped;
-        }
-        for (about, text) in reports {
-            self.report(Level::Warning, about, text);
-        }
+    /// Saves the run, unless there is nothing to save; `false` then.
+    fn save(&mut self) -> bool {
+        self.saved = Instant::now();
+        let Some((bytes, saver)) = self.checkpoint().zip(self.saver.as_ref()) else { return false };
+        saver.save(CHECKPOINT, bytes);
+        true
     }
 
-    /// The run as bytes, once there is an estimate. A run without checkpoints reports it once.
+    /// The run as bytes, once there is an estimate. A reason against it is reported once.
     fn checkpoint(&mut self) -> Option<Vec<u8>> {
-        if !self.saves || self.saver.is_none() || !self.session.running() {
+        if self.saver.is_none() || !self.session.running() {
             return None;
         }
-        match self.session.checkpoint() {
-            Ok(checkpoint) => Some(checkpoint.as_bytes().to_vec()),
-            Err(error) => {
-                self.saves = false;
-                let text = format!("the run has no checkpoint: {error}");
-                self.report(Level::Warning, "live".to_owned(), text);
-                None
-            }
+        let why = match self.session.checkpoint() {
+            Ok(checkpoint) => return Some(checkpoint.as_bytes().to_vec()),
+            Err(error) => format!("the run has no checkpoint: {error}"),
+        };
+        if self.unsaved.as_ref() != Some(&why) {
+            self.unsaved = Some(why.clone());
+            self.report(Level::Warning, "live".to_owned(), why);
         }
+        None
     }
 }

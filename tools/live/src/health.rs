@@ -29,6 +29,8 @@ pub enum SensorState {
     Silent,
     /// It contradicts the other sensors, or a fault of it was found.
     Contradicting,
+    /// A command switched it off.
+    Off,
 }
 
 /// A sensor while the run goes on.
@@ -48,6 +50,9 @@ pub struct SensorStatus {
     pub rejected: u64,
     /// Samples whose time stamp contradicts its arrival, which never reach the filter.
     pub refused: u64,
+    /// Samples that arrived while a command had switched it off.
+    #[serde(default)]
+    pub left_out: u64,
     /// Usual rate of the samples, Hz.
     pub rate_hz: Option<f64>,
     /// Time since the latest sample, s.
@@ -87,6 +92,9 @@ pub struct Status {
     pub sensors: Vec<SensorStatus>,
     /// Links.
     pub links: Vec<LinkStatus>,
+    /// The last command, and what came of it.
+    #[serde(default)]
+    pub command: Option<String>,
     /// Latency from a sample to its estimate, ms: median, 99 %, largest.
     pub latency_ms: [f64; 3],
 }
@@ -130,6 +138,11 @@ impl Sensors {
             sensor.rhythm.take(time.since(last));
         }
         sensor.last = Some((time, at));
+    }
+
+    /// Counts a sample of a sensor that is switched off.
+    pub fn left_out(&self, sensor: usize) {
+        self.lock()[sensor].status.left_out += 1;
     }
 
     /// Takes a sample whose time stamp is refused; returns the number of those so far.

@@ -7,15 +7,18 @@
 
 mod delays;
 mod driver;
+mod error;
 mod health;
 mod latency;
 mod live;
+mod ports;
 mod saver;
 mod stamps;
 
 pub use delays::ClockStatus;
 pub use driver::{Options, Watch, run};
+pub use error::LiveError;
 pub use health::{LinkStatus, SensorState, SensorStatus, Status};
 pub use latency::Latency;
-pub use live::{Live, LiveError, Newest};
+pub use live::{Live, Newest};
 pub use saver::{CHECKPOINT, STATUS, read_checkpoint};

@@ -1,9 +1,10 @@
 //! A live run inside a program.
 
-use crate::driver::{Driver, Options, Watch, start};
+use crate::driver::{Driver, Options, Watch};
+use crate::error::LiveError;
+use crate::ports::Ports;
 use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::{Arrivals, Inbox, StreamError};
-use navfuse_core::plugin::BuildError;
+use navfuse_core::model::stream::{Inbox, StreamError};
 use navfuse_core::run::scenario::{LiveAssembly, Scenario};
 use navfuse_core::session::Finished;
 use navfuse_core::state::covariance::Covariance;
@@ -13,21 +14,6 @@ use navfuse_core::units::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
-
-/// The reason why a run cannot start.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LiveError {
-    /// The scenario does not fit.
-    #[error(transparent)]
-    Scenario(#[from] BuildError),
-    /// A thread cannot be started, or a checkpoint does not fit.
-    #[error(transparent)]
-    Start(#[from] StreamError),
-    /// A plugin panicked.
-    #[error("a plugin panicked: the run has no result")]
-    Panicked,
-}
 
 /// The newest estimate.
 #[derive(Clone, Debug)]
@@ -65,7 +51,7 @@ pub struct Live {
     inbox: Mutex<Inbox>,
     newest: Arc<Mutex<Option<Newest>>>,
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<Finished, StreamError>>,
+    thread: JoinHandle<Finished>,
 }
 
 /// Keeps the newest estimate for the handle.
@@ -107,19 +93,16 @@ impl Live {
     ///
     /// # Errors
     /// When a thread cannot be started, or the checkpoint is of another scenario.
-    pub fn start(assembly: LiveAssembly, options: Options) -> Result<Self, LiveError> {
+    pub fn start(mut assembly: LiveAssembly, mut options: Options) -> Result<Self, LiveError> {
         let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.clone()).collect();
         let layout = Arc::clone(&assembly.composition.layout);
-        let mut arrivals = Arrivals::default();
-        let LiveAssembly { composition, feeds, sinks } = assembly;
-        let mut names = start(feeds, &mut arrivals)?;
-        let inbox = arrivals.inbox();
-        names.push("program".to_owned());
-        let rest = LiveAssembly { composition, feeds: Vec::new(), sinks };
-        let driver = Driver::new(rest, options, arrivals, names)?;
+        let feeds = std::mem::take(&mut assembly.feeds);
+        let mut ports = Ports::start(feeds, &assembly.composition, options.speed)?;
+        let inbox = ports.inbox("program".to_owned());
+        let driver = Driver::new(assembly, &mut options, ports)?;
         let (newest, stop) = (Arc::default(), Arc::<AtomicBool>::default());
         let (mut keep, stopped) = (Keep(Arc::clone(&newest)), Arc::clone(&stop));
-        let work = move || driver.run(&stopped, &mut keep);
+        let work = move || driver.run(false, &stopped, &mut keep).0;
         let thread = Builder::new().name("navfuse".to_owned()).spawn(work);
         let thread =
             thread.map_err(|e| StreamError::new("the system gives no thread").with_source(e))?;
@@ -181,6 +164,6 @@ impl Live {
     }
 }
 
-fn join(thread: JoinHandle<Result<Finished, StreamError>>) -> Result<Finished, LiveError> {
-    Ok(thread.join().map_err(|_| LiveError::Panicked)??)
+fn join(thread: JoinHandle<Finished>) -> Result<Finished, LiveError> {
+    thread.join().map_err(|_| LiveError::Panicked)
 }

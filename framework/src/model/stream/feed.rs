@@ -1,7 +1,7 @@
 //! Feeds: ports whose samples arrive on threads of their own, and the queue that takes them.
 
 use crate::model::record::Level;
-use crate::units::sample::Sample;
+use crate::units::sample::{Sample, SensorId};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 /// Samples of one feed that wait at most: 10 s of an IMU at 400 Hz.
 const MOST_SAMPLES: usize = 4096;
-/// Reports of one feed that wait at most.
+/// Reports and commands of one feed that wait at most.
 const MOST_REPORTS: usize = 64;
 /// Time after which a feed with a full queue looks again.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -49,8 +49,21 @@ pub enum Parcel {
     Sample(Sample),
     /// A remark for the log of the run: a port that was opened or lost, bytes that are damaged.
     Report(Level, String),
+    /// A command, of a link that the scenario lets command.
+    Command(Command),
     /// The feed has ended.
     End,
+}
+
+/// A command to a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Ends the run, and begins another one of the same scenario.
+    Reset,
+    /// Saves the run.
+    Checkpoint,
+    /// Leaves the samples of a sensor out (`false`), or uses them again.
+    Use(SensorId, bool),
 }
 
 /// A parcel with its feed and the moment at which it was handed over.
@@ -108,9 +121,18 @@ impl Inbox {
 
     /// Reports something to the log of the run.
     pub fn report(&mut self, level: Level, text: impl Into<String>) {
+        self.remark(Parcel::Report(level, text.into()));
+    }
+
+    /// Passes a command on.
+    pub fn command(&mut self, command: Command) {
+        self.remark(Parcel::Command(command));
+    }
+
+    fn remark(&mut self, parcel: Parcel) {
         if self.counts.reports.load(Ordering::Relaxed) < MOST_REPORTS {
             self.counts.reports.fetch_add(1, Ordering::Relaxed);
-            self.send(Parcel::Report(level, text.into()));
+            self.send(parcel);
         }
     }
 
@@ -161,7 +183,7 @@ impl Arrivals {
         let counts = &self.feeds[arrival.feed];
         match arrival.parcel {
             Parcel::Sample(_) => counts.samples.fetch_sub(1, Ordering::Relaxed),
-            Parcel::Report(..) => counts.reports.fetch_sub(1, Ordering::Relaxed),
+            Parcel::Report(..) | Parcel::Command(_) => counts.reports.fetch_sub(1, Ordering::Relaxed),
             Parcel::End => 0,
         };
         Some(arrival)

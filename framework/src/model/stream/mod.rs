@@ -5,6 +5,6 @@ mod feed;
 mod stream;
 mod stream_error;
 
-pub use feed::{Arrival, Arrivals, Feed, Inbox, NamedFeed, Parcel};
+pub use feed::{Arrival, Arrivals, Command, Feed, Inbox, NamedFeed, Parcel};
 pub use stream::{NamedSink, NamedSource, RunInfo, Sink, Source};
 pub use stream_error::{StreamError, StreamErrorKind, StreamPlace};
