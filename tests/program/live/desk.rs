@@ -3,9 +3,12 @@
 use crate::common::{command, navfuse, stdout};
 use serde_json::Value;
 use std::io::Write;
+use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::scope;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -182,4 +185,41 @@ pub fn shifted(line: &str, seconds: f64) -> String {
     let fields: Vec<&str> = content.splitn(4, ',').collect();
     let time: f64 = fields[2].parse().unwrap();
     sealed(&format!("{},{},{:.9},{}", fields[0], fields[1], time + seconds, fields[3]))
+}
+
+/// All datagrams of a live run on these sentences, for each of its sinks.
+pub fn datagrams<const N: usize>(
+    sinks: [&str; N],
+    tables: &str,
+    sentences: &[u8],
+) -> [Vec<Vec<u8>>; N] {
+    let sockets = sinks.map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
+    let table = |(k, sink): (usize, &str)| {
+        let address = sockets[k].local_addr().unwrap();
+        format!("[sink.s{k}]\ntype = \"udp\"\naddress = \"{address}\"\n{sink}\n")
+    };
+    let sinks: String = sinks.into_iter().enumerate().map(table).collect();
+    let desk = Desk::new(&format!("{tables}{sinks}"));
+    let over = AtomicBool::new(false);
+    scope(|threads| {
+        let receivers = sockets.map(|socket| {
+            socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+            threads.spawn(|| receive(socket, &over))
+        });
+        desk.pass(sentences, &["--speed", "inf"]);
+        over.store(true, Ordering::Relaxed);
+        receivers.map(|receiver| receiver.join().unwrap())
+    })
+}
+
+/// The datagrams of a socket until the run is over.
+fn receive(socket: UdpSocket, over: &AtomicBool) -> Vec<Vec<u8>> {
+    let (mut received, mut datagram) = (Vec::new(), [0; 4096]);
+    loop {
+        match socket.recv(&mut datagram) {
+            Ok(size) => received.push(datagram[..size].to_vec()),
+            Err(_) if over.load(Ordering::Relaxed) => return received,
+            Err(_) => {}
+        }
+    }
 }

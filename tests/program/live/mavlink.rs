@@ -1,47 +1,10 @@
 //! The estimate in messages of MAVLink, as pymavlink reads them.
 
-use super::desk::{Desk, dive};
+use super::desk::{datagrams, dive};
 use navfuse_testing::python::{output, vehicle_logs};
 use serde_json::Value;
-use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::scope;
-use std::time::Duration;
-
-/// All datagrams of a live run on the dive, for each of its sinks.
-fn datagrams<const N: usize>(sinks: [&str; N]) -> [Vec<Vec<u8>>; N] {
-    let sockets = sinks.map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
-    let table = |(k, sink): (usize, &str)| {
-        let address = sockets[k].local_addr().unwrap();
-        format!("[sink.s{k}]\ntype = \"udp\"\naddress = \"{address}\"\n{sink}\n")
-    };
-    let tables: String = sinks.into_iter().enumerate().map(table).collect();
-    let desk = Desk::new(&format!("[link.stdin]\n{tables}"));
-    let over = AtomicBool::new(false);
-    scope(|threads| {
-        let receivers = sockets.map(|socket| {
-            socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
-            threads.spawn(|| receive(socket, &over))
-        });
-        desk.pass(&dive().sentences, &["--speed", "inf"]);
-        over.store(true, Ordering::Relaxed);
-        receivers.map(|receiver| receiver.join().unwrap())
-    })
-}
-
-/// The datagrams of a socket until the run is over.
-fn receive(socket: UdpSocket, over: &AtomicBool) -> Vec<Vec<u8>> {
-    let (mut received, mut datagram) = (Vec::new(), [0; 4096]);
-    loop {
-        match socket.recv(&mut datagram) {
-            Ok(size) => received.push(datagram[..size].to_vec()),
-            Err(_) if over.load(Ordering::Relaxed) => return received,
-            Err(_) => {}
-        }
-    }
-}
 
 /// The messages of a type in datagrams, as pymavlink reads them.
 fn messages(python: &Path, datagrams: &[Vec<u8>], kind: &str) -> Vec<Value> {
@@ -79,11 +42,12 @@ fn pairs(estimates: &[Vec<u8>], messages: Vec<Value>, time: &str) -> Vec<(Value,
 fn an_autopilot_receives_pose_and_velocity_with_the_sigma_of_the_estimate() {
     let Some(python) = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python() else { return };
     let datum = "{ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" }";
-    let [json, ardupilot, px4] = datagrams([
+    let sinks = [
         "",
         &format!("mavlink = {{ datum = {datum}, system = 7 }}"),
         "mavlink = { autopilot = \"px4\" }",
-    ]);
+    ];
+    let [json, ardupilot, px4] = datagrams(sinks, "[link.stdin]\n", &dive().sentences);
     for (sink, frame, sender) in [(ardupilot, 20, [7, 197]), (px4, 1, [1, 197])] {
         let messages = messages(&python, &sink, "ODOMETRY");
         let mut variances = [0.0; 2];
@@ -125,7 +89,8 @@ fn an_autopilot_receives_pose_and_velocity_with_the_sigma_of_the_estimate() {
 #[test]
 fn an_autopilot_receives_the_motion_between_two_messages() {
     let Some(python) = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python() else { return };
-    let [json, delta] = datagrams(["", "mavlink = { message = \"vision-position-delta\" }"]);
+    let sinks = ["", "mavlink = { message = \"vision-position-delta\" }"];
+    let [json, delta] = datagrams(sinks, "[link.stdin]\n", &dive().sentences);
     let messages = messages(&python, &delta, "VISION_POSITION_DELTA");
     for (estimate, message) in pairs(&json, messages, "time_usec") {
         let dt = number(&message["time_delta_usec"]) * 1e-6;

@@ -1,5 +1,6 @@
 //! Live runs from end to end: the command on samples that arrive over its links.
 
+mod commands;
 mod desk;
 mod embedded;
 mod faults;

@@ -146,6 +146,20 @@ fn a_log_that_begins_new_files_replays_as_one_to_the_same_bits() {
         result(replay)
     };
     assert_eq!(replay(&first)["states"], by_age["states"]);
+    let by_length = Desk::new(STDIN);
+    let sized = by_length.pass(
+        &whole,
+        &[
+            "--speed",
+            "inf",
+            "--set",
+            "sink.mcap.rotate_mb=1",
+            "--set",
+            "sink.mcap.compression=none",
+        ],
+    );
+    assert!(by_length.path("live/run-0002.mcap").is_file());
+    assert_eq!(replay(&by_length.path("live/run.mcap"))["states"], sized["states"]);
     // a new run keeps all files of the earlier one together
     desk.pass(&part(0.0, 5.0), &["--speed", "inf"]);
     let earlier = std::fs::read_dir(desk.path("live/earlier")).unwrap().next().unwrap().unwrap();

@@ -171,7 +171,7 @@ impl Driver {
         let last = match (&end, self.reset) {
             // nothing to go on from
             (_, true) => Some(Vec::new()),
-            (End::Interrupted, _) => self.checkpoint(),
+            (End::Interrupted, _) => self.checkpoint().ok(),
             _ => None,
         };
         let mut finished = self.session.finish(end);
@@ -206,7 +206,7 @@ impl Driver {
                 self.show(watch);
             }
             if self.saved.elapsed() >= self.checkpoints {
-                self.save();
+                self.save_again();
             }
         }
         Ok(End::Complete)
@@ -258,8 +258,8 @@ impl Driver {
                     .to_owned()
             }
             Command::Checkpoint => match self.save() {
-                true => "the run is saved".to_owned(),
-                false => "the run has nothing to save, or no folder".to_owned(),
+                Ok(()) => "the run is saved".to_owned(),
+                Err(why) => why,
             },
             Command::Use(sensor, used) => {
                 let Some(off) = self.ports.off.get_mut(sensor.0) else {
@@ -362,27 +362,34 @@ impl Driver {
         }
     }
 
-    /// Saves the run, unless there is nothing to save; `false` then.
-    fn save(&mut self) -> bool {
+    /// Saves the run from time to time. A reason against it is reported once.
+    fn save_again(&mut self) {
         self.saved = Instant::now();
-        let Some((bytes, saver)) = self.checkpoint().zip(self.saver.as_ref()) else { return false };
-        saver.save(CHECKPOINT, bytes);
-        true
-    }
-
-    /// The run as bytes, once there is an estimate. A reason against it is reported once.
-    fn checkpoint(&mut self) -> Option<Vec<u8>> {
         if self.saver.is_none() || !self.session.running() {
-            return None;
+            return;
         }
-        let why = match self.session.checkpoint() {
-            Ok(checkpoint) => return Some(checkpoint.as_bytes().to_vec()),
-            Err(error) => format!("the run has no checkpoint: {error}"),
-        };
-        if self.unsaved.as_ref() != Some(&why) {
+        if let Err(why) = self.save()
+            && self.unsaved.as_ref() != Some(&why)
+        {
             self.unsaved = Some(why.clone());
             self.report(Level::Warning, "live".to_owned(), why);
         }
-        None
+    }
+
+    /// Saves the run, or returns the reason against it.
+    fn save(&mut self) -> Result<(), String> {
+        let bytes = self.checkpoint()?;
+        let saver = self.saver.as_ref().ok_or("the run cannot be saved: it has no folder")?;
+        saver.save(CHECKPOINT, bytes);
+        Ok(())
+    }
+
+    /// The run as bytes.
+    fn checkpoint(&mut self) -> Result<Vec<u8>, String> {
+        if !self.session.running() {
+            return Err("the run cannot be saved: there is no estimate yet".to_owned());
+        }
+        let checkpoint = self.session.checkpoint().map_err(|error| error.to_string())?;
+        Ok(checkpoint.as_bytes().to_vec())
     }
 }

@@ -38,7 +38,10 @@ impl Ports {
             let mut inbox = ports.inbox(name.clone());
             let thread = Builder::new().name(name).spawn(move || feed.run(&mut inbox));
             // the thread ends with the run, or with the process where its port blocks
-            drop(thread.map_err(|e| StreamError::new("the system gives no thread").with_source(e))?);
+            drop(
+                thread
+                    .map_err(|e| StreamError::new("the system gives no thread").with_source(e))?,
+            );
         }
         Ok(ports)
     }

@@ -131,6 +131,9 @@ impl Ekf {
         if verdict == Verdict::Follow {
             nis = self.forget(index, nis);
         }
+        if verdict == Verdict::Obey {
+            nis = self.free_position(index, nis);
+        }
         if verdict.recovers() {
             nis = self.recover(attempt, nis);
         }
@@ -198,6 +201,16 @@ impl Ekf {
             }
         }
         self.work.update.innovate(covariance).unwrap_or(nis)
+    }
+
+    /// Frees the position along the channels that contradict it, so that the sample replaces it there
+    /// and corrects nothing else. Returns the new NIS.
+    fn free_position(&mut self, index: usize, nis: f64) -> f64 {
+        let Some(position) = self.layout.vehicle().position else { return nis };
+        let (update, covariance) = (&mut self.work.update, &mut self.parts.estimate.covariance);
+        let columns = self.layout.blocks[position.slot()].tangent_range();
+        update.free(covariance, columns, self.parts.sensors[index].thresholds[1]);
+        update.innovate(covariance).unwrap_or(nis)
     }
 
     /// Inflates the covariance until the innovation is plausible, and returns the new NIS.

@@ -274,9 +274,10 @@ impl Lockout {
         }
         let inflates = recovery.action == Action::Inflate;
         let majority = self.outnumbers(count, evidence);
-        let due = time.since(since) >= recovery.after.value().si()
+        let lasts = time.since(since) >= recovery.after.value().si()
             || (inflates && (silence.is_some() || majority || replaced));
-        if !due || count <= OUTLIERS || !nis.is_finite() {
+        let due = recovery.action == Action::Obey || count > OUTLIERS && lasts;
+        if !due || !nis.is_finite() {
             return Verdict::Gate;
         }
         let lock_out = format!("locked out: every one of {count} samples was gated since {since}");
@@ -286,6 +287,11 @@ impl Lockout {
                 log(sample, Level::Warning, lock_out, observer);
                 self.streak = Some(Streak { reported: true, ..streak });
                 Verdict::Gate
+            }
+            Action::Obey => {
+                let text = format!("the estimate is set: {}", self.worst(&streak));
+                log(sample, Level::Warning, text, observer);
+                Verdict::Obey
             }
             Action::Accept => {
                 log(sample, Level::Warning, format!("{lock_out}; this one is used"), observer);

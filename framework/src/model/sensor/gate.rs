@@ -93,6 +93,9 @@ pub enum Action {
     Accept,
     /// Only report the lock-out.
     Report,
+    /// Free the position of the vehicle at the first gated sample, and use the sample: for a position
+    /// that an operator sets.
+    Obey,
 }
 
 /// Recovery from lock-out.
@@ -102,7 +105,7 @@ pub struct Recovery {
     /// Duration for which every sample must have been gated; at least three samples.
     #[serde(default = "half_a_minute")]
     pub after: Positive<Duration>,
-    /// Action: `inflate`, `accept` or `report`.
+    /// Action: `inflate`, `accept`, `report` or `obey`.
     #[serde(default)]
     pub action: Action,
     /// Longest isolation of a sensor that no other sensor contradicts, before the covariance is

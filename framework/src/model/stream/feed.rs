@@ -183,7 +183,9 @@ impl Arrivals {
         let counts = &self.feeds[arrival.feed];
         match arrival.parcel {
             Parcel::Sample(_) => counts.samples.fetch_sub(1, Ordering::Relaxed),
-            Parcel::Report(..) | Parcel::Command(_) => counts.reports.fetch_sub(1, Ordering::Relaxed),
+            Parcel::Report(..) | Parcel::Command(_) => {
+                counts.reports.fetch_sub(1, Ordering::Relaxed)
+            }
             Parcel::End => 0,
         };
         Some(arrival)

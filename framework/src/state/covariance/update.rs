@@ -5,6 +5,7 @@ use super::rank::{Joseph, Projection};
 use crate::state::block_set::BlockSet;
 use crate::units::sample::{MAX_CHANNELS, channels};
 use pulp::Arch;
+use std::ops::Range;
 
 /// Work space of an update: innovation, Jacobian and gain, allocated once.
 #[derive(Debug, Default)]
@@ -36,7 +37,7 @@ pub struct Update {
     /// Rows of `G` of [`Self::direction`].
     pub(super) l: Vec<f64>,
     /// Groups of columns in which `H P` is not zero.
-    pub(super) reached: Vec<std::ops::Range<usize>>,
+    pub(super) reached: Vec<Range<usize>>,
     pub(super) work: Vec<f64>,
     pub(super) processor: Arch,
 }
@@ -154,6 +155,24 @@ impl Update {
         }
         (0..m * m).for_each(|k| self.r[k] /= roots[k / m] * roots[k % m]);
         true
+    }
+
+    /// `P = P + 100 e e'` on the diagonal, with the error `e` of some columns that explains an innovation
+    /// beyond the gate `y^2 <= threshold S`, for each channel alone: an error that is independent of all
+    /// others, of which an update removes 99 % at least. Call after [`Self::innovate`].
+    pub(crate) fn free(&self, covariance: &mut Covariance, columns: Range<usize>, threshold: f64) {
+        let rows = self.h.chunks_exact(self.columns.len().max(1)).zip(&self.innovation);
+        for (i, (row, y)) in rows.enumerate().take(self.m) {
+            if y * y <= threshold * self.s[i * (self.m + 1)] {
+                continue;
+            }
+            let of = || self.columns.iter().zip(row).filter(|(column, _)| columns.contains(column));
+            let square: f64 = of().map(|(_, h)| h * h).sum();
+            for (&k, h) in of().filter(|(_, h)| **h != 0.0) {
+                let error = y * h / square;
+                covariance.set(k, k, covariance.get(k, k) + 100.0 * error * error);
+            }
+        }
     }
 
     /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: the measured

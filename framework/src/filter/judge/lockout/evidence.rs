@@ -15,13 +15,15 @@ pub(in crate::filter) enum Verdict {
     Adopt,
     /// The covariance is inflated, and the samples before were wrong.
     Follow,
+    /// The position is free, and the sample sets it.
+    Obey,
     Isolate,
 }
 
 impl Verdict {
     /// Returns `true` if the covariance is inflated.
     pub(in crate::filter) fn recovers(self) -> bool {
-        matches!(self, Self::Inflate | Self::Adopt | Self::Follow)
+        matches!(self, Self::Inflate | Self::Adopt | Self::Follow | Self::Obey)
     }
 }
 

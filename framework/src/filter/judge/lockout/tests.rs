@@ -356,3 +356,12 @@ fn a_jump_after_replaced_samples_of_the_driving_sensor_is_the_filters() {
     assert_eq!(found(10.5), (Verdict::Inflate, vec![Severity::Contained]));
     assert_eq!(found(9.5), (Verdict::Gate, vec![]), "a sample was used since then");
 }
+
+#[test]
+fn a_sensor_that_is_obeyed_sets_the_estimate_with_its_first_gated_sample() {
+    let mut sensor = Sensor::new(Action::Obey);
+    assert_eq!(sensor.judge(11.0, f64::INFINITY, 1.0, BAD), Verdict::Gate);
+    assert_eq!(sensor.judge(12.0, 1e6, 1.0, BAD), Verdict::Obey);
+    assert_eq!(sensor.judge(13.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert!(sensor.severities().is_empty(), "an operator is no fault");
+}
