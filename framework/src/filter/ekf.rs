@@ -5,7 +5,7 @@
 //! splits the driving interval there, so that every update happens at its own time.
 
 use super::course::guide::Guide;
-use super::parts::Parts;
+use super::parts::{Parts, followed};
 use super::propagate::passage::Passage;
 use super::propagate::propagation::{Method, Stepper};
 use super::screen::screened::Driver;
@@ -210,8 +210,7 @@ impl Ekf {
         observer.transition(transition);
         estimate.follow(self.guide.as_deref_mut(), &self.layout, transition);
         observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
-        let reaches = sensors.iter_mut().map(|slot| &mut slot.reach);
-        transition.carry_reaches(reaches.chain(branch.iter_mut().map(|branch| &mut branch.effect)));
+        transition.carry_reaches(followed(sensors, branch));
         if let Some(signatures) = signatures {
             signatures.moved(estimate.state.time);
         }

@@ -12,7 +12,7 @@ impl Ekf {
         self.finish_screening(observer);
         self.finish_pace(observer);
         let time = self.state().time;
-        if let Some(branch) = &self.parts.branch {
+        if let Some(branch) = self.parts.branch.as_ref().filter(|branch| branch.is_in_doubt()) {
             observer.event(branch.undecided(time, &self.composition.sensors));
         }
         for (slot, sensor) in self.parts.sensors.iter().zip(&self.composition.sensors) {

@@ -17,6 +17,7 @@ use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::snapshot::Kept;
 use crate::state::State;
+use crate::state::covariance::Reach;
 
 /// Everything that changes while the filter runs, in parts that own their state; a clone is a
 /// snapshot.
@@ -105,6 +106,15 @@ impl Kept for Parts {
     fn memory(&mut self, io: &mut Io<'_>) {
         io.pass(self);
     }
+}
+
+/// The errors that are followed from sample to sample.
+pub(super) fn followed<'a>(
+    sensors: &'a mut [SensorSlot],
+    branch: &'a mut Option<Branch>,
+) -> impl Iterator<Item = &'a mut Reach> {
+    let reaches = sensors.iter_mut().map(|slot| &mut slot.reach);
+    reaches.chain(branch.iter_mut().map(|branch| &mut branch.effect))
 }
 
 impl Parts {

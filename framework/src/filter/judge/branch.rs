@@ -10,15 +10,29 @@
 //! y ~ N(T d, S + T M T')                y ~ N(0, S) if the filter was wrong
 //! B := B - K T,      d := d + G (y - T d),      M := (1 - G T) M,      G = M T' (S + T M T')^-1
 //! ```
-//! At the beginning `B = 0`, `d = y`, and `M = S` before the covariance is widened. The samples of every
-//! sensor, used or refused, weigh the two cases. An offset may end: then `D = 0` explains the sensor's
-//! samples. Meanwhile the filter reports the mixture about its own estimate, `P + w B (d d' + M) B'`, where
-//! `w` is the probability of the second case. At 1000 : 1 one of the two ends.
+//! At the beginning `B = 0`, and the first sample gives the offset of some groups of channels, beside what
+//! the others `r` predict for them, before the covariance is widened:
+//! ```text
+//! d = y_g - S_gr S_rr^-1 y_r,      M = S_gg - S_gr S_rr^-1 S_rg,      r^2 = d' M^-1 d
+//! L = exp(r^2 / 2 - m / 2) (m / r^2)^(m / 2)      for r^2 > m, else 1
+//! w = e L / (1 + e L + (e L or 0))
+//! ```
+//! `L` is the likelihood ratio of an offset of unknown size (`m` channels, normal with the variance that makes
+//! the sample likeliest), and `e` the rate of wrong samples after a silence. The groups are those of the largest
+//! `L`. If the gate refuses the sample, the filter may have been off as well, at the same rate.
+//!
+//! The samples of every sensor, used or refused, weigh the two cases, as far as their innovations are
+//! independent under the case that they favour ([`Whiteness`]). An offset may end: then `D = 0` explains the
+//! sensor's samples. While the second case is likelier than 1 %, the filter reports the mixture about its
+//! own estimate, `P + w B (d d' + M) B'`, where `w` is its probability. A case ends once the odds are
+//! 1000 : 1 for the sensor's fault, or have fallen by as much.
 
 use crate::checkpoint::saved;
+use crate::filter::judge::whiteness::Whiteness;
 use crate::model::record::{Event, Level};
 use crate::model::sensor::Sensor;
 use crate::state::covariance::{Covariance, Reach, Update};
+use crate::units::sample::channels;
 use crate::units::time::Time;
 use nalgebra::{DMatrix, DVector};
 
@@ -28,6 +42,10 @@ const DECIDED: f64 = 6.907_755_278_982_137;
 const MOST: f64 = 5.0;
 /// Logarithm of the probability that an offset ends at a sample.
 const ENDS: f64 = -4.605_170_185_988_091;
+/// Logarithm of the odds from which on the report contains the case: one in a hundred.
+const DOUBT: f64 = -4.605_170_185_988_091;
+/// Logarithm of the rate at which a sensor is wrong after a silence: one in a thousand.
+const WRONG: f64 = -6.907_755_278_982_137;
 
 /// The case that a sensor is wrong.
 #[derive(Clone, Default)]
@@ -41,33 +59,85 @@ pub(in crate::filter) struct Branch {
     variance: Vec<f64>,
     /// Set once the offset has ended.
     ended: bool,
-    /// Logarithm of the odds of this case: zero at the beginning, since the fixes of a receiver that
-    /// regains its satellites are wrong about as often as the sigma of an outage is.
+    /// Logarithm of the odds of this case now, and at the beginning.
     odds: f64,
+    began: f64,
+    /// Of each sensor, of the filter and of this case.
+    whiteness: Vec<[Whiteness; 2]>,
 }
 
-saved!(Branch { sensor, since, effect, offset, variance, ended, odds });
+saved!(Branch { sensor, since, effect, offset, variance, ended, odds, began, whiteness });
 
-/// NIS and log-likelihood of an innovation with the covariance `s`.
-fn fit(y: &DVector<f64>, s: DMatrix<f64>) -> Option<(f64, f64)> {
-    let l = s.cholesky()?.unpack();
-    let nis = l.solve_lower_triangular(y)?.norm_squared();
-    let ln: f64 = l.diagonal().iter().map(|root| root.ln()).sum();
-    nis.is_finite().then_some((nis, -0.5 * nis - ln))
+/// `d`, `M` and the logarithm of `L` of the rows of an update that are `own`.
+fn offset_of(
+    update: &Update,
+    own: impl Fn(usize) -> bool,
+) -> Option<(DVector<f64>, DMatrix<f64>, f64)> {
+    let (own, rest): (Vec<usize>, Vec<usize>) = (0..update.m).partition(|row| own(*row));
+    let y = |rows: &[usize]| {
+        DVector::from_iterator(rows.len(), rows.iter().map(|a| update.innovation[*a]))
+    };
+    let s = |a: &[usize], b: &[usize]| {
+        DMatrix::from_fn(a.len(), b.len(), |i, j| update.s[a[i] * update.m + b[j]])
+    };
+    let gain = s(&own, &rest) * s(&rest, &rest).try_inverse()?;
+    let (d, variance) = (y(&own) - &gain * y(&rest), s(&own, &own) - &gain * s(&rest, &own));
+    let m = own.len() as f64;
+    let square = d.dot(&variance.clone().cholesky()?.solve(&d)).max(m);
+    Some((d, variance, 0.5 * (square - m - m * (square / m).ln())))
+}
+
+/// Fit of a case to an innovation.
+struct Fit {
+    /// The innovation as multiples of its sigma that are independent of each other, and its NIS.
+    whitened: DVector<f64>,
+    nis: f64,
+    /// Log-likelihood.
+    ln: f64,
+}
+
+impl Fit {
+    /// The fit of an innovation with the covariance `s`.
+    fn of(y: &DVector<f64>, s: DMatrix<f64>) -> Option<Self> {
+        let l = s.cholesky()?.unpack();
+        let whitened = l.solve_lower_triangular(y)?;
+        let nis = whitened.norm_squared();
+        let ln = -0.5 * nis - l.diagonal().iter().map(|root| root.ln()).sum::<f64>();
+        nis.is_finite().then_some(Self { whitened, nis, ln })
+    }
 }
 
 impl Branch {
-    /// Begins with the innovation of channels that may be offset, before the covariance is widened, for
-    /// an error state of dimension `n`. Call after [`Update::innovate`].
+    /// Begins with a sample, before the covariance is widened, for an error state of dimension `n`.
+    /// `groups` are the channels that may be offset alone or together. Call after [`Update::innovate`].
     pub(super) fn new(
-        (sensor, channels): (usize, u16),
+        (sensor, present): (usize, u16),
+        groups: &[u16],
         since: Time,
         update: &Update,
         n: usize,
-    ) -> Self {
-        let effect = Reach::of_offset(n, channels);
-        let (offset, variance) = (update.innovation.clone(), update.s.clone());
-        Self { sensor, since, effect, offset, variance, ended: false, odds: 0.0 }
+    ) -> Option<Self> {
+        let groups: Vec<u16> = groups.iter().map(|g| g & present).filter(|g| *g != 0).collect();
+        let some = |k: u16| (0..groups.len()).filter(move |i| k >> i & 1 == 1);
+        let sets = (1..1 << groups.len()).map(|k| some(k).fold(0, |set, i| set | groups[i]));
+        let offset = |set: u16| {
+            let rows: Vec<usize> = channels(present).collect();
+            Some((set, offset_of(update, |row| set >> rows[row] & 1 == 1)?))
+        };
+        let (set, (d, variance, ln)) =
+            sets.filter_map(offset).max_by(|a, b| a.1.2.total_cmp(&b.1.2))?;
+        let odds = WRONG + ln;
+        let effect = Reach::of_offset(n, set);
+        let (offset, variance) = (d.as_slice().to_vec(), variance.as_slice().to_vec());
+        let (ended, began, whiteness) = (false, odds, Vec::new());
+        Some(Self { sensor, since, effect, offset, variance, ended, odds, began, whiteness })
+    }
+
+    /// Notes that the gate refuses the first sample: the filter may be off as well, at the same rate.
+    pub(super) fn refused(mut self) -> Self {
+        self.odds = -(-self.odds).exp().ln_1p();
+        self.began = self.odds;
+        self
     }
 
     /// Probability that the sensor is wrong.
@@ -96,20 +166,31 @@ impl Branch {
         let (y, m) = (DVector::from_column_slice(&update.innovation), update.m);
         let s = DMatrix::from_row_slice(m, m, &update.s);
         let (d, variance) = (self.offset(), self.variance());
-        let fits = |t: DMatrix<f64>| fit(&(&y - &t * &d), &s + &t * &variance * t.transpose());
-        let Some((nis, filter)) = fit(&y, s.clone()) else { return };
+        let fits = |t: DMatrix<f64>| Fit::of(&(&y - &t * &d), &s + &t * &variance * t.transpose());
+        let Some(filter) = Fit::of(&y, s.clone()) else { return };
         let Some(mut own) = fits(self.seen((sensor, present), update)) else { return };
-        if own.0 > limit && sensor == self.sensor && !self.ended {
+        if own.nis > limit && sensor == self.sensor && !self.ended {
             let without = update.seen_of_offset(&self.effect, present, 0);
-            if let Some((nis, ln)) = fits(without).filter(|(nis, _)| *nis <= limit) {
+            if let Some(fit) = fits(without).filter(|fit| fit.nis <= limit) {
                 self.ended = true;
-                own = (nis, ln + ENDS);
+                own = Fit { ln: fit.ln + ENDS, ..fit };
             }
         }
         // an outlier in both cases
-        if nis <= limit || own.0 <= limit {
-            self.odds += (own.1 - filter).clamp(-MOST, MOST);
+        if filter.nis <= limit || own.nis <= limit {
+            self.odds += self.gain(sensor, &filter, &own).clamp(-MOST, MOST);
         }
+    }
+
+    /// The evidence of a sample, as far as it is independent of the samples before under the case that it
+    /// favours.
+    fn gain(&mut self, sensor: usize, filter: &Fit, own: &Fit) -> f64 {
+        let count = self.whiteness.len().max(sensor + 1);
+        self.whiteness.resize_with(count, Default::default);
+        let [of_filter, of_own] = &mut self.whiteness[sensor];
+        let shares = [of_filter.take(&filter.whitened), of_own.take(&own.whitened)];
+        let gain = own.ln - filter.ln;
+        gain * shares[usize::from(gain > 0.0)]
     }
 
     /// Corrects the case by a sample that the filter uses. Call after [`Update::apply`].
@@ -150,14 +231,20 @@ impl Branch {
         Event { time, level: Level::Warning, about, text }
     }
 
-    /// Channels that are offset still, one bit each.
-    pub(super) fn channels(&self) -> u16 {
-        if self.ended { 0 } else { self.effect.channels() }
-    }
-
     /// The case that has outweighed the other one: `true` if the sensor was wrong.
     pub(super) fn decided(&self) -> Option<bool> {
-        (self.odds.abs() >= DECIDED).then_some(self.odds > 0.0)
+        let wrong = self.odds >= DECIDED;
+        (wrong || self.odds <= self.began.min(0.0) - DECIDED).then_some(wrong)
+    }
+
+    /// Returns `true` while the report contains the case.
+    pub(in crate::filter) fn is_in_doubt(&self) -> bool {
+        self.odds > DOUBT
+    }
+
+    /// Returns `true` if the report contained the case at the beginning.
+    pub(super) fn was_in_doubt(&self) -> bool {
+        self.began > DOUBT
     }
 
     /// `P + w B (d d' + M) B'`.
@@ -167,6 +254,17 @@ impl Branch {
         let mut mixed = covariance.clone();
         self.effect.widen(&mut mixed, &moment);
         mixed
+    }
+
+    /// `B d`, after which the estimate is that of this case, and `P` becomes `P + B M B'`.
+    pub(super) fn follow(&self, covariance: &mut Covariance) -> Vec<f64> {
+        self.effect.widen(covariance, &self.variance());
+        self.effect.times(&self.offset)
+    }
+
+    /// Channels that are offset still, one bit each, and their offsets.
+    pub(super) fn offsets(&self) -> (u16, &[f64]) {
+        (if self.ended { 0 } else { self.effect.channels() }, &self.offset)
     }
 }
 
@@ -200,14 +298,21 @@ mod tests {
     impl Place {
         /// The filter has followed a sample at 10 m.
         fn new() -> Self {
+            Self::after(10.0, 0.02, Some(100.0))
+        }
+
+        /// The filter has used a first sample, which the gate refused if the covariance was widened.
+        fn after(first: f64, noise: f64, widened: Option<f64>) -> Self {
             let mut covariance = Covariance::zero(1);
             covariance.set(0, 0, 0.16);
-            let mut update = sample(0.0, 10.0, 0.02);
+            let mut update = sample(0.0, first, noise);
             update.innovate(&covariance);
-            let branch = Branch::new((SENSOR, 1), Time::MIN, &update, 1);
-            covariance.set(0, 0, 100.0);
+            let since = Time::MIN;
+            let branch = Branch::new((SENSOR, 1), &[1], since, &update, 1).unwrap_or_default();
+            let branch = if widened.is_some() { branch.refused() } else { branch };
+            covariance.set(0, 0, widened.unwrap_or(0.16));
             let mut place = Self { value: 0.0, covariance, branch, time: 0 };
-            place.apply(SENSOR, update, Time::MIN);
+            place.apply(SENSOR, update, since);
             place
         }
 
@@ -251,6 +356,42 @@ mod tests {
             assert_eq!(place.take(OTHER, value, 0.3).branch.decided(), Some(wrong), "{value}");
             assert!(!place.branch.ended);
         }
+    }
+
+    /// The filter without the sensor has used 0.3 m with a sigma of 0.3 m: 0.16 / 0.25 of it, and the variance
+    /// 0.16 * 0.09 / 0.25.
+    #[test]
+    fn the_case_has_the_estimate_of_a_filter_that_never_used_the_sensor() {
+        let mut place = Place::after(1.0, 0.02, None);
+        place.take(OTHER, 0.3, 0.3);
+        let moved = place.branch.follow(&mut place.covariance);
+        assert!((place.value + moved[0] - 0.192).abs() < 1e-12, "{} {moved:?}", place.value);
+        assert!((place.covariance.get(0, 0) - 0.0576).abs() < 1e-12);
+    }
+
+    /// 1.6 m are four sigma: `L = exp(16 / 2 - 1 / 2) / 4`, and a thousandth of it 0.45. 0.4 m are one sigma.
+    #[test]
+    fn a_sample_that_the_gate_passes_is_doubted_by_its_innovation() {
+        let odds = |value: f64| Place::after(value, 0.0, None).branch.odds.exp();
+        assert!((odds(1.6) - 1e-3 * 7.5f64.exp() / 4.0).abs() < 1e-9, "{}", odds(1.6));
+        assert!(
+            (odds(0.4) - 1e-3).abs() < 1e-9 && !Place::after(0.4, 0.0, None).branch.is_in_doubt()
+        );
+        assert!(Place::after(1.6, 0.0, None).branch.is_in_doubt());
+        assert!(Place::after(10.0, 0.02, Some(100.0)).branch.odds.abs() < 1e-9);
+    }
+
+    /// A position of 2 m and a velocity of zero, which an error of the filter would correlate by 0.9.
+    #[test]
+    fn the_offset_is_in_the_channels_that_contradict_the_others() {
+        let mut update = Update::with_capacity(2, 2);
+        update.m = 2;
+        update.s.extend([1.0, 0.9, 0.9, 1.0]);
+        update.innovation.extend([2.0, 0.0]);
+        let branch = Branch::new((SENSOR, 3), &[1, 2], Time::MIN, &update, 2);
+        let branch = branch.unwrap_or_default();
+        assert_eq!((branch.offsets().0, branch.offsets().1), (1, &[2.0][..]));
+        assert!((branch.variance[0] - 0.19).abs() < 1e-12);
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use crate::compose::Composition;
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::bias::BiasTest;
-use crate::filter::judge::branch::Branch;
 use crate::filter::judge::groups::failing;
 use crate::filter::judge::lockout::{Evidence, GONE, Judged, Verdict};
 use crate::filter::judge::signature::Signatures;
@@ -125,9 +124,6 @@ impl Ekf {
         let (sensor, time, m) = (slot.name.as_str(), sample.time, update.m);
         let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, worst };
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
-        let n = self.considered.len();
-        let branch = (verdict == Verdict::Adopt)
-            .then(|| Branch::new((index, present), time, &self.work.update, n));
         if verdict == Verdict::Follow {
             nis = self.forget(index, nis);
         }
@@ -136,9 +132,6 @@ impl Ekf {
         }
         if verdict.recovers() {
             nis = self.recover(attempt, nis);
-        }
-        if let Some(branch) = branch {
-            self.part(branch);
         }
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,

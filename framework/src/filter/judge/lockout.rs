@@ -228,6 +228,14 @@ impl Lockout {
         self.timeout.unwrap_or_else(|| self.rhythm.patience())
     }
 
+    /// Returns `true` for the first sample that is used after a silence or an isolation, if the evidence
+    /// decides on the sensor.
+    pub(in crate::filter) fn returns(&self, time: Time, recovery: &Recovery) -> bool {
+        let unused = self.isolation.is_some() || self.streak.is_some_and(|s| s.silence.is_some());
+        let silent = |last| time.since(last) > self.silence();
+        recovery.action == Action::Inflate && (unused || self.last.is_some_and(silent))
+    }
+
     /// Begins a streak.
     fn streak(&self, sample: &Judged<'_>, replaced: Time) -> Streak {
         let gap = self.used.map(|used| sample.time.since(used));
@@ -386,11 +394,10 @@ impl Lockout {
             let (contradicted, count, agreed) = (true, 0, 0);
             self.isolation =
                 Some(Isolation { since, contradicted, channels, count, began, agreed });
-            self.streak = None;
         }
+        self.streak = None;
         let text = format!(
-            "its samples since {since} were wrong, and not the filter; the covariance contains what the \
-             filter took from them"
+            "its samples since {since} were wrong, and not the filter, which goes on as if it had not used them"
         );
         find(&Judged::none(sensor, began), Severity::Contained, text, SENSOR, observer);
     }

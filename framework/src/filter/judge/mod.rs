@@ -16,3 +16,4 @@ pub(super) mod slot;
 mod split;
 pub(super) mod stuck;
 pub(super) mod watch;
+mod whiteness;

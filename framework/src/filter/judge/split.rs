@@ -1,20 +1,43 @@
 //! The branch beside a filter: how it begins, is weighed, reported and decided.
 
 use crate::filter::ekf::Ekf;
+use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::branch::Branch;
+use crate::filter::judge::lockout::Verdict;
+use crate::filter::judge::signature::Signatures;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
 use crate::model::record::{Event, Level, Observer};
 
 impl Ekf {
-    /// Parts from a case that the filter does not follow. An older one that is still undecided stays in the
-    /// covariance.
-    pub(super) fn part(&mut self, branch: Branch) {
-        let Parts { estimate, branch: own, .. } = &mut self.parts;
-        if estimate.offset.is_some() {
-            return; // a further pass knows the decisions of the first one
+    /// The case that a sensor which is back after a silence or an isolation is wrong.
+    pub(in crate::filter) fn doubt(&self, attempt: &Attempt<'_>) -> Option<Branch> {
+        let &Attempt { sample, index, present, .. } = attempt;
+        let slot = &self.parts.sensors[index];
+        if !slot.lockout.returns(sample.time, &slot.recovery) {
+            return None;
         }
-        if let Some(before) = own.replace(branch) {
+        let (update, n) = (&self.work.update, self.considered.len());
+        Branch::new((index, present), &slot.groups, sample.time, update, n)
+    }
+
+    /// Parts from a case that the filter does not follow, where it uses the sample. An older case that is in
+    /// doubt stays in the covariance, or instead of one that is not.
+    pub(in crate::filter) fn part(&mut self, doubt: Option<Branch>, verdict: Verdict) {
+        let branch = match (doubt, verdict) {
+            (Some(branch), Verdict::Adopt) => branch.refused(),
+            (Some(branch), Verdict::Pass) => branch,
+            _ => return,
+        };
+        let Parts { estimate, branch: own, .. } = &mut self.parts;
+        let doubts = own.as_ref().is_some_and(Branch::is_in_doubt);
+        // a further pass knows the decisions of the first one
+        if estimate.offset.is_some() || doubts && !branch.is_in_doubt() {
+            return;
+        }
+        if let Some(before) = own.replace(branch)
+            && doubts
+        {
             estimate.covariance = before.mixed(&estimate.covariance, before.weight());
             self.work.update.innovate(&estimate.covariance);
         }
@@ -29,20 +52,23 @@ impl Ekf {
         }
     }
 
-    /// Ends a branch that is decided. If the sensor was wrong, the covariance contains what the filter has
-    /// taken from it, so that the next samples undo that, and a sensor that is still off is isolated.
+    /// Ends a branch that is decided. If the sensor was wrong, the filter goes on with the estimate of that
+    /// case, and isolates the channels that are still off.
     pub(in crate::filter) fn decide(&mut self, observer: &mut dyn Observer) {
-        let Parts { estimate, branch, sensors, watch, .. } = &mut self.parts;
+        let branch = &mut self.parts.branch;
         if let Some(wrong) = branch.as_ref().and_then(Branch::decided)
             && let Some(branch) = branch.take()
         {
-            let (slot, time, since) =
-                (&mut sensors[branch.sensor], estimate.state.time, branch.since);
+            let (time, since) = (self.state().time, branch.since);
             if wrong {
-                estimate.covariance = branch.mixed(&estimate.covariance, 1.0);
-                watch.widened();
-                slot.lockout.convict((since, time), branch.channels(), &slot.name, observer);
-            } else {
+                self.change_to(&branch);
+            }
+            let slot = &mut self.parts.sensors[branch.sensor];
+            if wrong {
+                let (channels, offsets) = branch.offsets();
+                slot.reach.remember(channels, offsets);
+                slot.lockout.convict((since, time), channels, &slot.name, observer);
+            } else if branch.was_in_doubt() {
                 let text = format!("the filter was off at {since}, and not the sensor");
                 observer.event(Event { time, level: Level::Info, about: slot.name.clone(), text });
             }
@@ -50,10 +76,25 @@ impl Ekf {
         self.mix();
     }
 
-    /// Reports from now on the mixture of filter and branch, where there is one.
+    /// Goes on with the estimate of a branch. The tests begin again, since they followed the wrong samples.
+    fn change_to(&mut self, branch: &Branch) {
+        let Parts { estimate, sensors, signatures, propagation, watch, history, .. } =
+            &mut self.parts;
+        let mut delta = branch.follow(&mut estimate.covariance);
+        self.layout.inject(&mut estimate.state, &mut delta, &mut estimate.covariance);
+        if let Some(history) = history {
+            history.corrected(&delta);
+        }
+        sensors.iter_mut().filter_map(|slot| slot.bias.as_mut()).for_each(BiasTest::restart);
+        *signatures = Signatures::new(&self.composition, propagation.transition());
+        watch.widened();
+    }
+
+    /// Reports from now on the mixture of filter and branch, while there is a doubt.
     pub(in crate::filter) fn mix(&mut self) {
         let Parts { estimate, branch, .. } = &mut self.parts;
-        let mixed = branch.as_ref().map(|b| b.mixed(&estimate.covariance, b.weight()));
+        let doubted = branch.as_ref().filter(|branch| branch.is_in_doubt());
+        let mixed = doubted.map(|b| b.mixed(&estimate.covariance, b.weight()));
         estimate.mixture = mixed;
     }
 }

@@ -9,7 +9,7 @@
 //! The past then keeps its value, and its correlation with every other block.
 
 use crate::filter::ekf::Ekf;
-use crate::filter::parts::Parts;
+use crate::filter::parts::{Parts, followed};
 use crate::model::record::Observer;
 use crate::model::sensor::Role;
 use crate::units::sample::Sample;
@@ -22,7 +22,7 @@ impl Ekf {
 
     /// Takes the clones of a sensor at the state's time.
     pub(in crate::filter) fn take_past(&mut self, sensor: usize, observer: &mut dyn Observer) {
-        let Parts { estimate, clones, sensors, .. } = &mut self.parts;
+        let Parts { estimate, clones, sensors, branch, .. } = &mut self.parts;
         let Some(clones) = clones.iter_mut().find(|c| c.sensor == sensor) else { return };
         clones.take(&self.layout, estimate);
         clones.taken = true;
@@ -31,7 +31,7 @@ impl Ekf {
             guide.carry(offset, &clones.transition);
             observer.corrected(&offset.d);
         }
-        clones.transition.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
+        clones.transition.carry_reaches(followed(sensors, branch));
     }
 
     /// Gives every past block the value of its source when the filter begins; it is no frame of a

@@ -12,7 +12,7 @@
 //! update with a prior without information. Its innovation has no information about `x`.
 
 use crate::filter::ekf::Ekf;
-use crate::filter::parts::Parts;
+use crate::filter::parts::{Parts, followed};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::model::sensor::roster::{Change, Roster};
@@ -115,10 +115,10 @@ impl Ekf {
 
     /// Replaces the error of a block.
     fn replace(&mut self, mut change: Transition, observer: &mut dyn Observer) {
-        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let Parts { estimate, sensors, branch, .. } = &mut self.parts;
         change.propagate(&mut estimate.covariance);
         observer.transition(&change);
-        change.carry_reaches(sensors.iter_mut().map(|slot| &mut slot.reach));
+        change.carry_reaches(followed(sensors, branch));
     }
 
     /// Logs that a block was added with a label, or marginalised.

@@ -3,6 +3,7 @@
 use super::work::Work;
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
+use crate::filter::judge::branch::Branch;
 use crate::filter::judge::gate::Judgement;
 use crate::filter::judge::groups::failing_alone;
 use crate::filter::judge::lockout::Verdict;
@@ -62,10 +63,12 @@ impl Ekf {
         let nis = self.explain_by_noise(&attempt, nis, observer);
         self.watch_velocity(attempt.index);
         self.weigh(&attempt);
+        let doubt = self.doubt(&attempt);
         if let Some(bad) = self.failing(&attempt, nis) {
-            self.correct_by_groups(&attempt, bad, observer)?;
+            self.correct_by_groups(&attempt, (bad, doubt), observer)?;
         } else {
             let judgement = self.judge(&attempt, nis, observer);
+            self.part(doubt, judgement.verdict);
             self.conclude(&attempt, &judgement, observer)?;
         }
         self.decide(observer);
@@ -88,7 +91,7 @@ impl Ekf {
     fn correct_by_groups(
         &mut self,
         attempt: &Attempt<'_>,
-        channels: u16,
+        (channels, doubt): (u16, Option<Branch>),
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let &Attempt { sample, index, present, .. } = attempt;
@@ -106,6 +109,7 @@ impl Ekf {
         if !accepted {
             self.conclude(&bad, &judgement, observer)?;
         }
+        self.part(doubt, judgement.verdict);
         let Work { update, whole, .. } = &mut self.work;
         update.clone_from(whole);
         let slot = &self.parts.sensors[index];

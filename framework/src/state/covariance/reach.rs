@@ -58,6 +58,19 @@ impl Reach {
         covariance.symmetrise();
     }
 
+    /// `G y`.
+    pub(crate) fn times(&self, y: &[f64]) -> Vec<f64> {
+        let rows = self.g.chunks_exact(self.stride.max(1));
+        rows.map(|row| row.iter().zip(y).map(|(g, y)| g * y).sum()).collect()
+    }
+
+    /// Keeps the innovation of some channels as one to compare with, and follows no error.
+    pub(crate) fn remember(&mut self, channels: u16, innovation: &[f64]) {
+        self.end();
+        self.channels = channels;
+        self::channels(channels).zip(innovation).for_each(|(c, y)| self.first[c] = *y);
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.g.is_empty()
     }
@@ -99,19 +112,19 @@ impl Update {
         channels(present).zip(explained).for_each(|(c, y)| reach.explained[c] = y);
     }
 
-    /// `sum y^2 / sum y0^2` over the channels that the first innovation `y0` has too, each in units
-    /// of its sigma: the share of the error that is still there. Zero without a common channel.
-    /// Call after [`Self::innovate`].
+    /// Square of `sum y y0 / sum y0^2` over the channels that the first innovation `y0` has too, each in
+    /// units of its sigma: the share of the error that is still there. Zero without a common channel, or where
+    /// the error has changed its sign. Call after [`Self::innovate`].
     pub(crate) fn share(&self, present: u16, reach: &Reach) -> f64 {
         let (mut now, mut first) = (0.0, 0.0);
         for (a, channel) in channels(present).enumerate().take(self.m) {
             if reach.channels >> channel & 1 == 1 {
                 let variance = self.s[a * self.m + a];
-                now += self.innovation[a] * self.innovation[a] / variance;
+                now += self.innovation[a] * reach.first[channel] / variance;
                 first += reach.first[channel] * reach.first[channel] / variance;
             }
         }
-        if first > 0.0 { now / first } else { 0.0 }
+        if first > 0.0 { f64::max(now / first, 0.0).powi(2) } else { 0.0 }
     }
 
     /// Squares of the change of the innovation since the first one, and of that one, in units of the
