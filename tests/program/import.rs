@@ -70,17 +70,23 @@ fn tables_with_other_names_units_and_separators_become_a_scenario_that_runs() {
 }
 
 #[test]
-fn gaps_and_foreign_clocks_are_reported() {
+fn gaps_are_reported_and_a_clock_without_an_offset_names_both_files() {
     let recording = Recording::new();
     let imu = std::fs::read_to_string(recording.path("imu.csv")).expect("a table");
     let gap = |line: &&str| !["5.0", "5.1", "5.2"].iter().any(|t| line.starts_with(t));
     recording.write("imu.csv", &imu.lines().filter(gap).collect::<Vec<_>>().join("\n"));
-    recording.write("depth.csv", "time_ms,depth_m\n1654072200000,1.5\n1654072201000,1.6\n");
-    let files = ["imu.csv", "depth.csv", "reference.csv"].map(|name| recording.path(name));
-    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
-    let (_, text, printed) = import(recording.folder(), &files, &[]);
+    let files = ["imu.csv", "reference.csv"].map(|name| recording.path(name));
+    let files = files.each_ref().map(|f| f.as_path());
+    let (out, text, _) = import(recording.folder(), &files, &[]);
     assert!(text.contains("# 1 gaps, the longest of 0.310 s at 4.990 s"), "{text}");
-    assert!(printed.contains("have no time in common"), "{printed}");
+    recording.write("depth.csv", "time_ms,depth_m\n1654072200000,1.5\n1654072201000,1.6\n");
+    let depth = recording.path("depth.csv").display().to_string();
+    let error = refused(&["--out", &out, &files[0].display().to_string(), &depth]);
+    for words in
+        ["imu.csv (imu, from 0.0", "depth.csv (depth, from 1654072200", "no time in common"]
+    {
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 #[test]
@@ -257,15 +263,19 @@ fn the_ring_laser_at_rest_runs_by_import() {
 }
 
 /// The table of fixes in the data was made from this solution, with its velocity and on the clock
-/// of the recording.
+/// of the recording, which counts from 19:34:00 UTC. Its motion shows the offset.
 #[test]
 fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     let origin = "Its public original is rtklibexplorer/GNSS_IMU, data/drive_0708";
-    let Some(data) = data("formats/rtklib", origin) else { return };
+    let Some(solution) = data("formats/rtklib", origin) else { return };
+    let Some(drive) = data("drive", origin) else { return };
     let recording = Recording::new();
-    let files = [recording.path("imu.csv"), data.join("drive_0708.pos")];
-    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
-    let (_, text, printed) = import(recording.folder(), &files, &[]);
+    let files = [drive.join("imu.csv"), solution.join("drive_0708.pos")];
+    let (_, text, printed) =
+        import(recording.folder(), &files.each_ref().map(|f| f.as_path()), &[]);
+    // the clocks of both instruments differ by about 0.1 s
+    let [offset, sigma] = clock(&printed, "gnss");
+    assert!((offset - 1_752_003_222.0).abs() < 0.15 && sigma < 0.02, "{offset} +- {sigma}");
     assert!(text.contains("scale = \"gps\""), "{text}");
     let row = printed.lines().find(|l| l.trim_start().starts_with("gnss ")).expect("a row");
     assert!(row.contains("2197") && row.contains("4.0000 Hz"), "{row}");
@@ -357,7 +367,7 @@ fn sentences_with_constant_checksums_are_recognised_and_marked() {
     let recording = Recording::new();
     let text: String = (0..20)
         .map(|k| {
-            format!("$GPGGA,0830{k:02}.00,3000.0000,N,00500.0000,E,1,06,1.2,1.0,M,0.0,M,,*67\r\n")
+            format!("$GPGGA,0000{k:02}.00,3000.0000,N,00500.0000,E,1,06,1.2,1.0,M,0.0,M,,*67\r\n")
         })
         .collect();
     recording.write("ugps.nmea", &text);

@@ -13,24 +13,20 @@
 //! psi(t1) = Y(t2 - tau) - Y(t1 - tau) + noise`. The offset `tau` has the least sum of squares of
 //! the noise. Blocks of the recording show the drift.
 
+mod inertial;
+mod measured;
 mod wide;
 
-use std::f64::consts::{PI, TAU};
+pub use inertial::Inertial;
+pub use measured::Measured;
+use measured::{LEAST, MEAN, Pair};
 
-/// Gravity, m/s^2. An error of it changes the vertical axis alone, which is not used.
-const GRAVITY: f64 = 9.81;
-/// Longest time in seconds over which the specific force levels the IMU.
-const LEVELLING: f64 = 60.0;
-/// Largest number of rows of the IMU; beyond, every other one is removed.
-const ROWS: usize = 1 << 18;
-/// Largest number of samples of another sensor.
-const SAMPLES: usize = 1 << 15;
 /// Largest offset that is searched, s.
 const LARGEST: f64 = 5.0;
-/// Least time between two samples, s.
-const SPACING: f64 = 0.98;
 /// Distance, s, to which an offset that was found is searched again.
 const AROUND: f64 = 2.0;
+/// Largest 1-sigma, s, of an offset that noisy positions show.
+const SHARP: f64 = 0.2;
 /// Step of the search, s, which is less than the time over which a vehicle changes its motion.
 const STEP: f64 = 0.1;
 /// Share of the residuals at other offsets that the least ones must not exceed: otherwise the
@@ -39,260 +35,12 @@ const SHARE: f64 = 0.5;
 /// Shortest block by which the drift is found, s, and the largest number of blocks.
 const BLOCK: f64 = 100.0;
 const BLOCKS: usize = 8;
-/// Least number of differences of samples.
-const LEAST: usize = 30;
 /// Differences of time scales since 2015, s: GPS time and TAI from UTC, before and after the leap
 /// second of 2016, and 27 s where a program had an old table.
 const LEAPS: [f64; 5] = [17.0, 18.0, 27.0, 36.0, 37.0];
-/// Speed over ground, m/s, below which a course is no heading.
-const SLOWEST: f64 = 1.0;
-
-/// The integrals of an IMU.
-#[derive(Clone, Debug, Default)]
-pub struct Inertial {
-    /// Unit vector down, in body axes.
-    down: Option<[f64; 3]>,
-    begin: f64,
-    /// Angle (rad) and velocity (m/s) along the body's axes, and the angle about the vertical.
-    sums: [f64; 7],
-    /// Time and sums.
-    rows: Vec<[f64; 8]>,
-    /// Least interval of rows, s.
-    spacing: f64,
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let norm = a.iter().map(|x| x * x).sum::<f64>().sqrt();
-    (norm > 0.0 && norm.is_finite()).then(|| a.map(|x| x / norm))
-}
-
-impl Inertial {
-    /// Takes the mean angular rate and specific force of the interval that ends at a time.
-    pub fn add(&mut self, time: f64, interval: f64, rate: [f64; 3], force: [f64; 3]) {
-        let Some(measured) = unit(force.map(|f| -f)) else { return };
-        let before = *self.down.get_or_insert_with(|| {
-            self.begin = time;
-            measured
-        });
-        // d' = d x w for a vector that rests in space; the measured one corrects it slowly, and at
-        // once in the beginning
-        let turned = cross(before, rate);
-        let gain = interval / (time - self.begin).clamp(1.0, LEVELLING);
-        let moved: [f64; 3] = std::array::from_fn(|k| {
-            before[k] + interval * turned[k] + gain * (measured[k] - before[k])
-        });
-        let down = unit(moved).unwrap_or(measured);
-        self.down = Some(down);
-        for k in 0..3 {
-            self.sums[k] += rate[k] * interval;
-            self.sums[3 + k] += (force[k] + GRAVITY * down[k]) * interval;
-        }
-        // psi' = (w_y sin phi + w_z cos phi) / cos theta, with the angles in the vector down
-        let level = 1.0 - down[0] * down[0];
-        if level > 0.01 {
-            self.sums[6] += (rate[1] * down[1] + rate[2] * down[2]) / level * interval;
-        }
-        if self.rows.last().is_none_or(|row| time - row[0] >= self.spacing) {
-            if self.rows.len() >= ROWS {
-                let mut keep = false;
-                self.rows.retain(|_| {
-                    keep = !keep;
-                    keep
-                });
-                self.spacing = (2.0 * self.spacing).max(2.0 * interval);
-            }
-            let s = self.sums;
-            self.rows.push([time, s[0], s[1], s[2], s[3], s[4], s[5], s[6]]);
-        }
-    }
-
-    /// The integrals at a time, between two rows: three angles, three velocities, and the angle about
-    /// the vertical; `None` outside of them.
-    pub fn at(&self, time: f64) -> Option<[f64; 7]> {
-        let after = self.rows.partition_point(|row| row[0] < time);
-        let (a, b) = (self.rows.get(after.checked_sub(1)?)?, self.rows.get(after)?);
-        let share = (time - a[0]) / (b[0] - a[0]);
-        Some(std::array::from_fn(|k| a[k + 1] + share * (b[k + 1] - a[k + 1])))
-    }
-}
-
-/// The quantity of another sensor.
-#[derive(Clone, Debug)]
-pub enum Measured {
-    /// Time and velocity along the body's axes.
-    Velocity(Vec<[f64; 4]>),
-    /// Time and heading.
-    Heading(Vec<[f64; 2]>),
-    /// Time, and velocity north and east where the vehicle moves, whose direction is its heading.
-    Ground(Vec<[f64; 3]>),
-}
-
-impl Measured {
-    /// Takes a velocity along the body's axes.
-    pub fn velocity(&mut self, time: f64, v: [f64; 3]) {
-        if let Self::Velocity(rows) = self
-            && rows.len() < SAMPLES
-        {
-            rows.push([time, v[0], v[1], v[2]]);
-        }
-    }
-
-    /// Takes a heading.
-    pub fn heading(&mut self, time: f64, heading: f64) {
-        if let Self::Heading(rows) = self
-            && rows.len() < SAMPLES
-        {
-            rows.push([time, heading]);
-        }
-    }
-
-    /// Takes a velocity north and east.
-    pub fn ground(&mut self, time: f64, north: f64, east: f64) {
-        if let Self::Ground(rows) = self
-            && rows.len() < SAMPLES
-            && north.hypot(east) > SLOWEST
-        {
-            rows.push([time, north, east]);
-        }
-    }
-
-    fn times(&self) -> Vec<f64> {
-        match self {
-            Self::Velocity(rows) => rows.iter().map(|r| r[0]).collect(),
-            Self::Heading(rows) => rows.iter().map(|r| r[0]).collect(),
-            Self::Ground(rows) => rows.iter().map(|r| r[0]).collect(),
-        }
-    }
-
-    /// The same with samples at least some time apart, so that the noise of one is little against the
-    /// change between two.
-    fn spaced(&self) -> Self {
-        fn some<const N: usize>(rows: &[[f64; N]]) -> Vec<[f64; N]> {
-            let mut kept: Vec<[f64; N]> = Vec::with_capacity(rows.len());
-            for row in rows {
-                if kept.last().is_none_or(|last| row[0] - last[0] >= SPACING) {
-                    kept.push(*row);
-                }
-            }
-            kept
-        }
-        match self {
-            Self::Velocity(rows) => Self::Velocity(some(rows)),
-            Self::Heading(rows) => Self::Heading(some(rows)),
-            Self::Ground(rows) => Self::Ground(some(rows)),
-        }
-    }
-
-    /// The same with at most this many samples.
-    fn thinned(&self, most: usize) -> Self {
-        fn some<T: Copy>(rows: &[T], most: usize) -> Vec<T> {
-            rows.iter().step_by(rows.len().div_ceil(most).max(1)).copied().collect()
-        }
-        match self {
-            Self::Velocity(rows) => Self::Velocity(some(rows, most)),
-            Self::Heading(rows) => Self::Heading(some(rows, most)),
-            Self::Ground(rows) => Self::Ground(some(rows, most)),
-        }
-    }
-
-    /// The words for the two quantities that are compared.
-    fn means(&self) -> &'static str {
-        match self {
-            Self::Velocity(_) => "the change of its velocity with the specific force",
-            Self::Heading(_) => "the change of its heading with the angular rate",
-            Self::Ground(_) => "the change of its course with the angular rate",
-        }
-    }
-
-    /// The change of velocity, in space, between the samples `k` and `k + 1`, and that of the
-    /// angle.
-    fn change(
-        rows: &[[f64; 4]],
-        k: usize,
-        from: &[f64; 7],
-        to: &[f64; 7],
-    ) -> Option<[[f64; 3]; 2]> {
-        let (a, b) = (rows.get(k)?, rows.get(k + 1)?);
-        let mean = std::array::from_fn(|i| 0.5 * (a[i + 1] + b[i + 1]));
-        let angle: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
-        let turn = cross(angle, mean);
-        Some([std::array::from_fn(|i| b[i + 1] - a[i + 1] + turn[i]), angle])
-    }
-
-    /// The change of velocity between two samples each that levelling takes for gravity, on a clock
-    /// behind by `tau`: `y' = y x w - (a + y) / T`.
-    fn levelled(&self, imu: &Inertial, tau: f64) -> Vec<[f64; 3]> {
-        let Self::Velocity(rows) = self else { return Vec::new() };
-        let mut y = [0.0; 3];
-        (0..rows.len().saturating_sub(1))
-            .map(|k| {
-                let interval = rows[k + 1][0] - rows[k][0];
-                let ends = imu.at(rows[k][0] - tau).zip(imu.at(rows[k + 1][0] - tau));
-                let change = ends.and_then(|(from, to)| Self::change(rows, k, &from, &to));
-                let Some([change, angle]) = change else { return y.map(|y| y * interval) };
-                let turned = cross(y, angle);
-                let before = y;
-                let decay = (-interval / LEVELLING).exp();
-                for i in 0..3 {
-                    y[i] = (y[i] + turned[i]) * decay - change[i] / LEVELLING;
-                }
-                std::array::from_fn(|i| 0.5 * (before[i] + y[i]) * interval)
-            })
-            .collect()
-    }
-
-    /// The heading or the course of a sample, with its time.
-    fn heading_of(&self, k: usize) -> Option<[f64; 2]> {
-        match self {
-            Self::Velocity(_) => None,
-            Self::Heading(rows) => rows.get(k).copied(),
-            Self::Ground(rows) => rows.get(k).map(|r| [r[0], r[2].atan2(r[1])]),
-        }
-    }
-
-    /// The change between the samples `k` and `k + 1` on a clock behind by `tau`: as the sensor and as
-    /// the IMU measure it.
-    fn changes(
-        &self,
-        imu: &Inertial,
-        levelled: &[[f64; 3]],
-        k: usize,
-        tau: f64,
-    ) -> Option<[[f64; 2]; 2]> {
-        if let Self::Velocity(rows) = self {
-            let (a, b) = (rows.get(k)?, rows.get(k + 1)?);
-            let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
-            let ([change, _], y) = (Self::change(rows, k, &from, &to)?, levelled.get(k)?);
-            return Some([
-                [0, 1].map(|i| change[i] + y[i]),
-                [0, 1].map(|i| to[i + 3] - from[i + 3]),
-            ]);
-        }
-        let (a, b) = (self.heading_of(k)?, self.heading_of(k + 1)?);
-        let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
-        Some([[b[1] - a[1], 0.0], [to[6] - from[6], 0.0]])
-    }
-
-    /// The difference of the two changes.
-    fn residual(
-        &self,
-        imu: &Inertial,
-        levelled: &[[f64; 3]],
-        k: usize,
-        tau: f64,
-    ) -> Option<[f64; 2]> {
-        let [own, other] = self.changes(imu, levelled, k, tau)?;
-        let difference = [0, 1].map(|i| own[i] - other[i]);
-        Some(match self {
-            Self::Velocity(_) => difference,
-            _ => [(difference[0] + PI).rem_euclid(TAU) - PI, 0.0],
-        })
-    }
-}
+/// Differences of clocks that count from other midnights, weeks, years or zones are multiples of this, s:
+/// the offset of Nepal is a quarter of an hour.
+const ZONE: f64 = 900.0;
 
 /// The clock of a sensor, compared with that of the IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -311,27 +59,18 @@ struct Fit {
     sigma: f64,
 }
 
-/// Pairs of samples that follow each other at the usual interval.
-fn pairs(times: &[f64]) -> Vec<usize> {
-    let mut intervals: Vec<f64> = times.windows(2).map(|t| t[1] - t[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    let usual = intervals.get(intervals.len() / 2).copied().unwrap_or(0.0);
-    let fits = |k: &usize| times[k + 1] - times[*k] <= 2.5 * usual;
-    (0..times.len().saturating_sub(1)).filter(fits).collect()
-}
-
 /// Finds the offset by the samples of some pairs, between two offsets.
 fn fit(
     imu: &Inertial,
     measured: &Measured,
     levelled: &[[f64; 3]],
-    pairs: &[usize],
+    pairs: &[Pair],
     range: [f64; 2],
 ) -> Option<Fit> {
     // the same pairs at every offset, those inside the recording of the IMU at all of them
     let inside =
-        |k: &&usize| range.iter().all(|tau| measured.residual(imu, levelled, **k, *tau).is_some());
-    let pairs: Vec<usize> = pairs.iter().filter(inside).copied().collect();
+        |k: &&Pair| range.iter().all(|tau| measured.residual(imu, levelled, **k, *tau).is_some());
+    let pairs: Vec<Pair> = pairs.iter().filter(inside).copied().collect();
     if pairs.len() < LEAST {
         return None;
     }
@@ -378,27 +117,41 @@ fn fit(
 
 /// Compares the clock of a sensor with that of the IMU; `None` if the motion does not show it.
 pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
-    let measured = &measured.spaced();
-    let times = measured.times();
-    let pairs = pairs(&times);
-    let near = fit(imu, measured, &measured.levelled(imu, 0.0), &pairs, [-LARGEST, LARGEST]);
-    let (start, range) = match near {
-        Some(near) => (near.offset, [-LARGEST, LARGEST]),
-        None => {
-            let found = wide::search(imu, measured)?;
-            (found, [found - AROUND, found + AROUND])
-        }
+    let spaced = measured.spaced();
+    let smoothed = || {
+        // of the differences of two means each, this number share some samples
+        let compared = compare_apart(imu, &spaced.smoothed()?, MEAN)?;
+        let compared = compared.scattered((2.0 * MEAN as f64).sqrt());
+        Some(compared).filter(|clock| clock.offset[1] < SHARP)
     };
-    let levelled = measured.levelled(imu, start);
-    let all = fit(imu, measured, &levelled, &pairs, range)?;
+    compare_apart(imu, &spaced, 1).or_else(smoothed)
+}
+
+/// Compares the clocks by samples that are some places apart.
+fn compare_apart(imu: &Inertial, measured: &Measured, apart: usize) -> Option<ClockOffset> {
+    let times = measured.times();
+    let pairs = measured.pairs(apart);
+    let levelled = |start: f64| measured.levelled(imu, start);
+    let near = fit(imu, measured, &levelled(0.0), &pairs, [-LARGEST, LARGEST]);
+    let (start, widths) = match near {
+        Some(near) => (near.offset, None),
+        None => (wide::search(imu, measured, apart)?, Some([LARGEST, AROUND])),
+    };
+    let levelled = levelled(start);
+    let within = |[from, to]: [f64; 2]| fit(imu, measured, &levelled, &pairs, [from, to]);
+    let around = |width: f64| within([start - width, start + width]);
+    let all = match widths {
+        None => within([-LARGEST, LARGEST])?,
+        Some(widths) => widths.into_iter().find_map(around)?,
+    };
     let (first, last) = (*times.first()?, *times.last()?);
     let count = (((last - first) / BLOCK) as usize).min(BLOCKS);
     let length = (last - first) / count.max(1) as f64;
     let mut blocks = Vec::new();
     for block in 0..count {
         let from = first + block as f64 * length;
-        let within = |k: &&usize| (from..from + length).contains(&times[**k]);
-        let some: Vec<usize> = pairs.iter().filter(within).copied().collect();
+        let within = |[k, _]: &&Pair| (from..from + length).contains(&times[*k]);
+        let some: Vec<Pair> = pairs.iter().filter(within).copied().collect();
         // a drift of a percent would move the offset by more than this
         let range = [all.offset - AROUND, all.offset + AROUND];
         if let Some(one) = fit(imu, measured, &levelled, &some, range) {
@@ -443,18 +196,28 @@ fn line(blocks: &[(f64, Fit)]) -> Option<([f64; 4], f64)> {
 }
 
 impl ClockOffset {
+    /// The same with larger sigmas.
+    fn scattered(self, factor: f64) -> Self {
+        let larger = |[value, sigma]: [f64; 2]| [value, factor * sigma];
+        Self { offset: larger(self.offset), drift: self.drift.map(larger), ..self }
+    }
+
     /// Returns `true` if the offset is more than five times its uncertainty, and more than 20 ms.
     pub fn matters(&self) -> bool {
         let [offset, sigma] = self.offset;
         offset.abs() > (5.0 * sigma).max(0.02)
     }
 
-    /// The shift of the stamps that corrects the offset: the difference of two time scales
+    /// The shift of the stamps that corrects the offset: the difference of two time scales or zones
     /// where it is one.
     pub fn correction(&self) -> f64 {
         let [offset, sigma] = self.offset;
-        let near = |leap: &&f64| (offset.abs() - **leap).abs() < (3.0 * sigma).max(0.1);
-        -LEAPS.iter().find(near).map_or(offset, |leap| leap.copysign(offset))
+        let whole = (offset / ZONE).round() * ZONE;
+        let near = |step: &f64| (offset - step).abs() < (3.0 * sigma).max(0.1);
+        let leaps = LEAPS.iter().flat_map(|leap| [whole + leap, whole - leap]);
+        // a clock that is right has no zone
+        let steps = (whole != 0.0).then_some(whole).into_iter().chain(leaps);
+        -steps.into_iter().find(near).unwrap_or(offset)
     }
 
     /// Describes the clock in words.

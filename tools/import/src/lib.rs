@@ -77,7 +77,8 @@ pub struct Imported {
 /// start at. Returns `None` if `stop` was set.
 ///
 /// # Errors
-/// When a file cannot be read or recognised, two files have the same sensor, or no file has an IMU.
+/// When a file cannot be read or recognised, two files have the same sensor, no file has an IMU, or a
+/// sensor has no time in common with the IMU.
 pub fn import(
     registry: &Registry,
     files: &[PathBuf],
@@ -100,9 +101,9 @@ pub fn import(
         }
         streams = Some(surveyed);
     };
+    recording.share_time(&streams)?;
     let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
-    notes.extend(stream::together(&streams));
     for stream in &streams {
         notes.extend(stream.clock.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
     }

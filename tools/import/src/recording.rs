@@ -206,7 +206,7 @@ impl Recording {
             return Ok(true);
         }
         let (reader, found) = if rows {
-            (Reader::Csv, table::oxts(&String::from_utf8_lossy(&bytes)))
+            (Reader::Csv, table::oxts(&navfuse_csv::text(&bytes)))
         } else if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
             (Reader::Dvl(stamp), found)
         } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
@@ -341,5 +341,5 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
     }
     let beginning = navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
     let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    table::recognise(&String::from_utf8_lossy(&beginning), &name).map_err(refused)
+    table::recognise(&navfuse_csv::text(&beginning), &name).map_err(refused)
 }

@@ -3,6 +3,9 @@
 use crate::axes::{self, Sense, Turn};
 use crate::recording::{Part, Reader, Recording};
 use crate::stream::StreamSurvey;
+use crate::table::GUESSED;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::time::Time;
 
 /// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
 const FAST: f64 = 0.5;
@@ -79,6 +82,12 @@ fn find<'a>(streams: &'a [StreamSurvey], name: &str) -> Option<&'a StreamSurvey>
     streams.iter().find(|s| s.sensor == name)
 }
 
+/// Tests whether a sensor has no time in common with the one that drives the filter.
+fn is_apart(streams: &[StreamSurvey], stream: &StreamSurvey) -> bool {
+    let drive = DRIVING.iter().find_map(|name| find(streams, name));
+    drive.is_some_and(|drive| drive.samples > 0 && stream.samples > 0 && !drive.meets(stream))
+}
+
 impl Recording {
     /// Changes the description by what the samples show; `true` if it changed.
     pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
@@ -90,6 +99,7 @@ impl Recording {
         changed
             || self.turn_depth(streams)
             || self.turn_log(streams)
+            || self.reorder(streams)
             || self.shift(streams)
             || self.right_senses(streams)
             || self.turn(streams)
@@ -304,17 +314,76 @@ impl Recording {
         }
     }
 
-    /// Shifts the clocks whose offset from that of the IMU the motion shows.
+    /// Shifts the clocks whose offset from the clock of the IMU the motion shows, and other sensors that
+    /// have no time in common with the IMU, but with one of these.
     fn shift(&mut self, streams: &[StreamSurvey]) -> bool {
-        let mut shifted = false;
-        for part in self.parts.iter_mut().filter(|part| !FIXED.contains(&part.name)) {
-            let clock = find(streams, part.name).and_then(|s| s.clock).filter(|c| c.matters());
-            let Some(clock) = clock.filter(|_| part.samples.clock.is_none()) else { continue };
+        let mut shifted: Vec<(&StreamSurvey, f64)> = Vec::new();
+        let own = |part: &&mut Part| part.samples.clock.is_none();
+        for part in self.parts.iter_mut().filter(own) {
+            let Some(stream) = find(streams, part.name) else { continue };
+            let fixed = FIXED.contains(&part.name) && !is_apart(streams, stream);
+            let clock = stream.clock.filter(|clock| clock.matters() && !fixed);
+            let Some(clock) = clock else { continue };
             part.samples.clock = Some(clock.correction());
             self.notes.push(format!("{}: {}: its stamps are shifted", part.name, clock.describe()));
-            shifted = true;
+            shifted.push((stream, clock.correction()));
         }
-        shifted
+        for part in self.parts.iter_mut().filter(own) {
+            let apart = find(streams, part.name).filter(|stream| is_apart(streams, stream));
+            let same = |stream: &StreamSurvey| shifted.iter().find(|(one, _)| one.meets(stream));
+            let Some((other, clock)) = apart.and_then(same) else { continue };
+            part.samples.clock = Some(*clock);
+            let text =
+                format!("its stamps are shifted by {clock:.3} s, as those of {}", other.sensor);
+            self.notes.push(format!("{}: {text}", part.name));
+            part.found.questions.push(text);
+        }
+        !shifted.is_empty()
+    }
+
+    /// Reads the dates of a sensor that has no time in common with the IMU in the other order, where they do
+    /// not show which one it is: its own, or else the dates of the IMU.
+    fn reorder(&mut self, streams: &[StreamSurvey]) -> bool {
+        let apart = |part: &&Part| find(streams, part.name).is_some_and(|s| is_apart(streams, s));
+        let apart = self.parts.iter().filter(apart).map(|part| part.name);
+        let names: Vec<&str> = apart.chain(DRIVING).collect();
+        let guess = |part: &&mut Part| {
+            let mut questions = part.found.questions.iter();
+            names.contains(&part.name) && questions.any(|q| q.contains(GUESSED))
+        };
+        let apart = streams.iter().any(|stream| is_apart(streams, stream));
+        let Some(part) = self.parts.iter_mut().filter(|_| apart).find(guess) else { return false };
+        for key in &mut part.found.source {
+            *key = key.replace("month-day-year", "day-month-year");
+        }
+        for question in &mut part.found.questions {
+            *question = question.replace(GUESSED, "is day, month, year, by the other files");
+        }
+        true
+    }
+
+    /// Tests whether all sensors have time in common with the one that drives the filter.
+    ///
+    /// # Errors
+    /// When one has none: with both files and their spans.
+    pub fn share_time(&self, streams: &[StreamSurvey]) -> Result<(), StreamError> {
+        let drive = DRIVING.iter().find_map(|name| find(streams, name));
+        let apart = |part: &&Part| find(streams, part.name).is_some_and(|s| is_apart(streams, s));
+        let Some((drive, part)) = drive.zip(self.parts.iter().find(apart)) else { return Ok(()) };
+        let describe = |name: &str| {
+            let span = find(streams, name).map_or([Time::MIN; 2], |stream| stream.span);
+            let file = self.part(name).map(|part| part.file.display().to_string());
+            format!("{} ({name}, from {} to {})", file.unwrap_or_default(), span[0], span[1])
+        };
+        let text = format!(
+            "{} and {} have no time in common, and their motions do not show the offset of their clocks",
+            describe(&drive.sensor),
+            describe(part.name)
+        );
+        Err(StreamError::format(text).with_remedy(
+            "write the times of both on one clock, or shift one with `offset` of the key `time` in a \
+             scenario",
+        ))
     }
 
     /// Turns a velocity log whose third velocity is positive upwards, by the depth.

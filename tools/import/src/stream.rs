@@ -315,6 +315,11 @@ impl StreamSurvey {
         [largest(0).to_degrees() * 3600.0, largest(3) / 9.80665e-6]
     }
 
+    /// Tests whether two sensors have some time in common.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.span[0] <= other.span[1] && other.span[0] <= self.span[1]
+    }
+
     /// Time from the first to the last sample, s.
     pub fn length(&self) -> f64 {
         self.span[1].since(self.span[0])
@@ -421,21 +426,4 @@ fn compare(running: &mut [Running]) {
             _ => {}
         }
     }
-}
-
-/// Notes on the clocks of the sensors, compared with each other.
-pub fn together(streams: &[StreamSurvey]) -> Vec<String> {
-    let mut notes = Vec::new();
-    for (k, a) in streams.iter().enumerate().filter(|(_, s)| s.samples > 0) {
-        for b in streams[k + 1..].iter().filter(|s| s.samples > 0) {
-            if a.span[1] < b.span[0] || b.span[1] < a.span[0] {
-                notes.push(format!(
-                    "{} ({} to {}) and {} ({} to {}) have no time in common: are their clocks the \
-                     same? Shift one of them with the key `time`",
-                    a.sensor, a.span[0], a.span[1], b.sensor, b.span[0], b.span[1]
-                ));
-            }
-        }
-    }
-    notes
 }

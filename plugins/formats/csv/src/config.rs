@@ -197,8 +197,9 @@ pub struct TimeColumn {
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
     /// Form of the time: `number` (default), `date-time` for text such as 2022-06-01T08:30:00.25Z,
-    /// 2022-06-01 10:30:00.25+02:00 or 2022/06/01 08:30:00.25, or `time-of-day` for 08:30:00.25, which
-    /// counts from midnight.
+    /// 2022-06-01 10:30:00.25+02:00 or 2022/06/01 08:30:00.25, `time-of-day` for 08:30:00.25, which
+    /// counts from midnight, `matlab` for days since the year 0 (`datenum`), or `excel` for days since
+    /// 1899-12-30.
     #[serde(default)]
     pub format: TimeFormat,
     /// Order of the parts of a date. Default: `year-month-day`.
@@ -236,6 +237,10 @@ pub enum TimeFormat {
     DateTime,
     /// A time of the day.
     TimeOfDay,
+    /// Days since the year 0, as `datenum` of MATLAB counts them.
+    Matlab,
+    /// Days since 1899-12-30, as Excel counts them.
+    Excel,
 }
 
 /// The order of the parts of a date.

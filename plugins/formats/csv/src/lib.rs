@@ -28,6 +28,7 @@ mod stamp;
 mod stream;
 mod table;
 mod tail;
+mod text;
 mod time;
 mod unused;
 mod utf16;
@@ -39,6 +40,7 @@ pub use folder::is_folder;
 pub use labelled::records;
 pub use sink::CsvSink;
 pub use table::Table;
+pub use text::text;
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -11,6 +11,9 @@ use navfuse_core::units::time::{Span, Time};
 
 /// Nanoseconds of a day.
 const DAY: i64 = 86_400_000_000_000;
+/// Days from the first day of MATLAB and of Excel to 1970: from the year 0, and from 1899-12-30.
+const MATLAB: i64 = 719_529;
+const EXCEL: i64 = 25_569;
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
 /// Part of a period by which a clock may be silent around its end: a minute and a half of a day.
@@ -38,6 +41,8 @@ enum Form {
     Fields([usize; 5], bool),
     /// A time of the day.
     Day,
+    /// Days since a date, which is this number of days before 1970. With `true` on the scale of GPS.
+    Days(i64, bool),
     /// Column of the week of GPS, and the unit of the time within the week. With `true` on the scale
     /// of GPS, otherwise without leap seconds.
     Week(usize, u64, bool),
@@ -82,15 +87,19 @@ impl TimeCell {
             (Some(_), Some(_), _) => {
                 return contradicts("week: a time has a week or a date; remove one of them");
             }
-            (Some(_), _, TimeFormat::DateTime | TimeFormat::TimeOfDay) => {
-                return contradicts("week: the time of a week is a number; remove `format`");
-            }
             (Some(week), None, TimeFormat::Number) => {
                 let (column, unit) = number()?;
                 (column, Form::Week(text(week)?, unit, given.scale != Some(Scale::Utc)))
             }
-            _ if given.unit.is_some() && (dated || given.format == TimeFormat::TimeOfDay) => {
+            (Some(_), ..) => {
+                return contradicts("week: the time of a week is a number; remove `format`");
+            }
+            _ if given.unit.is_some() && (dated || given.format != TimeFormat::Number) => {
                 return contradicts("unit: a date has no unit; remove it");
+            }
+            (None, _, TimeFormat::Matlab | TimeFormat::Excel) => {
+                let zero = if given.format == TimeFormat::Excel { EXCEL } else { MATLAB };
+                (text(named)?, Form::Days(zero, gps))
             }
             (None, date, _) if dated => {
                 let date = date.as_deref().map(text).transpose()?;
@@ -121,7 +130,7 @@ impl TimeCell {
             Form::Number(_, nanos) => nanos == Some(column),
             Form::Date(date, ..) => date == Some(column),
             Form::Fields(fields, _) => fields.contains(&column),
-            Form::Day => false,
+            Form::Day | Form::Days(..) => false,
             Form::Week(week, ..) => week == column,
         };
         self.column == column || other
@@ -130,7 +139,9 @@ impl TimeCell {
     /// The form of the time, for a message.
     pub fn needs(&self) -> &'static str {
         match self.form {
-            Form::Number(..) | Form::Week(..) | Form::Fields(..) => "a decimal number is needed",
+            Form::Number(..) | Form::Week(..) | Form::Fields(..) | Form::Days(..) => {
+                "a decimal number is needed"
+            }
             Form::Date(..) => "a date such as 2022-06-01T08:30:00.25Z is needed",
             Form::Day => "a time of the day such as 08:30:00.25 is needed",
         }
@@ -147,7 +158,11 @@ impl TimeCell {
                 counts.into_iter().chain(spans).collect()
             }
             Form::Day => vec![spans[1]],
-            Form::Number(..) | Form::Date(..) | Form::Fields(..) | Form::Week(..) => Vec::new(),
+            Form::Number(..)
+            | Form::Date(..)
+            | Form::Days(..)
+            | Form::Fields(..)
+            | Form::Week(..) => Vec::new(),
         };
         let [from, to] = [before, time].map(|time| (time - self.offset).nanos());
         let goes_on = |period: &i64| {
@@ -176,6 +191,10 @@ impl TimeCell {
                 let text = std::str::from_utf8(here).ok().and_then(time_of_day);
                 let nanos = text.ok_or(TimeError::NotANumber)?;
                 return Ok(Time::from_nanos(nanos) + self.offset);
+            }
+            Form::Days(zero, gps) => {
+                let since = time::nanos(here, DAY as u64)? - i128::from(zero) * i128::from(DAY);
+                utc(i64::try_from(since).map_err(|_| TimeError::TooLarge)?, gps)
             }
             Form::Date(date, order, gps) => {
                 let nanos = date_and_time(date.map(cell), here, order);

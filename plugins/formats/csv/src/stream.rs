@@ -6,6 +6,7 @@ use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
 use crate::counter::Counter;
 use crate::stamp::TimeCell;
 use crate::tail;
+use crate::text::text;
 use crate::time::{self, TimeError};
 use crate::unused::{Status, Tally, Unused};
 use csv::{ByteRecord, Reader, ReaderBuilder};
@@ -183,7 +184,7 @@ impl Stream {
             ));
         }
         let headings: Vec<String> =
-            record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
+            record.iter().map(|h| text(h.trim_ascii()).into_owned()).collect();
         if headings[0].parse::<f64>().is_ok() {
             return Err(fail(format!(
                 "the first line must name the columns, such as {}; it starts with {:?}; for a file \
@@ -256,7 +257,13 @@ impl Stream {
             let text = format!("{found} cells, the header has {needed}");
             return Err(Problem { kind: StreamErrorKind::Format, text, cut: found < needed });
         }
-        let time = self.time.of(&self.record).map_err(|e| self.no_time(e))?;
+        let time = match self.time.of(&self.record) {
+            // a program that went on writing begins again with its headings
+            Err(_) if cell(self.time.column) == self.headings[self.time.column].as_bytes() => {
+                return Ok(Row::Empty);
+            }
+            time => time.map_err(|e| self.no_time(e))?,
+        };
         let (time, period) = self.counter.time(&self.time, time);
         *sample = Sample::empty(time, self.sensor);
         for channel in &self.channels {
@@ -269,7 +276,10 @@ impl Stream {
         if time.nanos() == 0 && self.end.is_some_and(|end| end > DATED) {
             return Ok(Row::Unused(Unused::NoStamp));
         }
+        let empty = sample.present() == 0;
         match self.counter.before() {
+            // a row of another sensor may have the time of the row before
+            _ if empty => {}
             Some(before) if time <= before => match self.disorder {
                 Disorder::Skip => return Ok(Row::Unused(Unused::Order)),
                 Disorder::Error => return Err(self.out_of_order(before, time)),
@@ -282,7 +292,7 @@ impl Stream {
         if let Some(missing) = self.judge.refuses(sample) {
             return Ok(Row::Unused(missing.into()));
         }
-        if sample.present() == 0 || (self.changes_only && self.repeats(sample)) {
+        if empty || (self.changes_only && self.repeats(sample)) {
             return Ok(Row::Empty);
         }
         self.last = self.changes_only.then_some(*sample);

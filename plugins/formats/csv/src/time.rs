@@ -21,6 +21,13 @@ const MAX_POWER: i64 = 40;
 /// Parses a decimal number as a time, rounded to the nearest nanosecond, halves away from zero. The
 /// `unit` of the number is given in nanoseconds, at most a day.
 pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
+    let inside = |n: &i64| n.unsigned_abs() < Time::MAX.nanos().unsigned_abs();
+    let nanos = i64::try_from(nanos(text, unit)?).ok().filter(inside);
+    nanos.map(Time::from_nanos).ok_or(TimeError::TooLarge)
+}
+
+/// The nanoseconds of a decimal number in a unit.
+pub fn nanos(text: &[u8], unit: u64) -> Result<i128, TimeError> {
     let (negative, text) = match text {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),
@@ -59,11 +66,8 @@ pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
         _ => return Err(TimeError::NotANumber),
     }
     let magnitude = scaled(mantissa, power, unit).ok_or(TimeError::TooLarge)?;
-    let nanos = i64::try_from(magnitude)
-        .ok()
-        .filter(|n| *n < Time::MAX.nanos())
-        .ok_or(TimeError::TooLarge)?;
-    Ok(Time::from_nanos(if negative { -nanos } else { nanos }))
+    let nanos = i128::try_from(magnitude).map_err(|_| TimeError::TooLarge)?;
+    Ok(if negative { -nanos } else { nanos })
 }
 
 /// `mantissa * 10^power * unit`, rounded; `None` when too large.

@@ -1,5 +1,6 @@
 //! The files of programs and data sets that a stranger brings, each a kind of its own.
 
+mod clocks;
 mod folders;
 mod labels;
 mod positions;
@@ -179,4 +180,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&positions::PROGRAMS)
         .chain(&senses::PROGRAMS)
         .chain(&labels::PROGRAMS)
+        .chain(&clocks::PROGRAMS)
 }

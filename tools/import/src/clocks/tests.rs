@@ -1,6 +1,7 @@
 //! Simulated vehicles whose clocks differ by a known offset and drift.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 use super::*;
+use std::f64::consts::TAU;
 
 /// Numbers that look random with the variance one (sum of twelve uniform ones).
 struct Noise(u64);

@@ -9,6 +9,8 @@ use std::ops::RangeInclusive;
 
 /// Intervals, s, at which a program records: a unit that gives others is wrong.
 const INTERVALS: RangeInclusive<f64> = 2e-5..=120.0;
+/// What is asked of dates whose order they do not show.
+pub const GUESSED: &str = "is a guess";
 /// The column of Xsens, which counts at 10 kHz.
 const TICKS: (&str, &str) = ("SampleTimeFine", "100*us");
 
@@ -24,7 +26,11 @@ const FIELDS: [&[&str]; 6] = [
 /// Words for whole seconds, and for the nanoseconds beside them.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "s"];
 const NANOS: [&str; 6] = ["nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "ns"];
-/// Seconds of a week.
+/// Counts of days with the ranges of the years from 1980 to 2050, and the date of their zero.
+const DAYS: [(&str, RangeInclusive<f64>, &str); 2] =
+    [("excel", 29_221.0..=54_800.0, "1899-12-30"), ("matlab", 723_181.0..=748_800.0, "the year 0")];
+/// Seconds of a day and of a week.
+const DAY: f64 = 86_400.0;
 const WEEK: f64 = 604_800.0;
 
 /// The time of a table.
@@ -47,12 +53,15 @@ impl Table<'_> {
         if let Some(clock) = self.fields().or_else(|| self.with_nanos()) {
             return Ok(clock);
         }
-        let mut times: Vec<&(usize, Meaning)> =
-            self.columns.iter().filter(|(_, m)| m.channel == "time").collect();
-        times.sort_by_key(|(k, m)| (!self.usual(*k, "time"), m.rank));
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
         let in_words = |k: usize| cell(k).contains(':');
         let counts = |k: usize| self.layout.rows.len() < 3 || increases(&self.layout.column(k));
+        let named = |name| self.columns.iter().filter(move |(_, m)| m.channel == name);
+        let mut times: Vec<&(usize, Meaning)> = named("time").collect();
+        if times.is_empty() {
+            times.extend(named("date").filter(|(k, _)| in_words(*k) || counts(*k)));
+        }
+        times.sort_by_key(|(k, m)| (!self.usual(*k, "time"), m.rank));
         let found = times.iter().find(|(k, _)| in_words(*k) || counts(*k)).or(times.first());
         match found {
             Some((k, _)) if in_words(*k) => Ok(self.date(*k, cell(*k))),
@@ -122,9 +131,25 @@ impl Table<'_> {
         fits.then_some(Clock { key: Some(key), seconds, questions: Vec::new() })
     }
 
+    /// A time in days, by its range and its interval.
+    fn days(&self, heading: &str, values: &[f64], usual: f64) -> Option<Clock> {
+        let step = median(values.windows(2).map(|v| v[1] - v[0]));
+        let near = |step: f64| (step / usual).ln().abs();
+        let fits = INTERVALS.contains(&(step * DAY)) && near(step * DAY) < near(step);
+        let last = values.iter().rev().find(|v| v.is_finite()).filter(|_| fits)?;
+        let (format, _, zero) = DAYS.iter().find(|(_, range, _)| range.contains(last))?;
+        let question = format!("the time {heading} counts days since {zero}, by its range");
+        let key = format!("time = {{ column = {}, format = \"{format}\" }}", quoted(heading));
+        let seconds = values.iter().map(|t| (t - last) * DAY).collect();
+        Some(Clock { key: Some(key), seconds, questions: vec![question] })
+    }
+
     /// A time that is a number.
     fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
         let (heading, values) = (self.heading(k), self.layout.column(k));
+        if let Some(clock) = self.days(heading, &values, usual) {
+            return clock;
+        }
         let stated =
             meaning.unit.clone().or_else(|| heading.contains(TICKS.0).then(|| TICKS.1.to_owned()));
         let assumed =
@@ -166,7 +191,7 @@ impl Table<'_> {
         let mut order = |k: usize| match order(cells(k).map(String::as_str)) {
             (order, true) => order,
             (order, false) => {
-                questions.push(format!("the order of the dates in {} is a guess", self.heading(k)));
+                questions.push(format!("the order of the dates in {} {GUESSED}", self.heading(k)));
                 order
             }
         };

@@ -19,6 +19,7 @@ mod units;
 mod vocabulary;
 
 use crate::found::Found;
+pub use clock::GUESSED;
 use columns::Table;
 use layout::Layout;
 pub use oxts::oxts;

@@ -51,6 +51,12 @@ fn a_time_is_put_together_from_its_columns_to_the_nanosecond() {
     ] {
         assert_eq!(nanos(headings, row, keys), expected, "{row}");
     }
+    for (row, format) in
+        [("739204.92592881944445601851852", "matlab"), ("45244.92592881944445601851852", "excel")]
+    {
+        let keys = format!("time = {{ column = \"t\", format = \"{format}\" }}");
+        assert_eq!(nanos("t", row, &keys), expected, "{row}");
+    }
     let day = ((22 * 60 + 13) * 60 + 20) * 1_000_000_000_i64 + 250_000_000;
     let keys = "time = { column = \"t\", format = \"time-of-day\" }";
     assert_eq!(nanos("t", "22:13:20.25", keys), day);
@@ -199,4 +205,14 @@ fn a_folder_with_a_file_for_each_row_is_a_table() {
     let mut assembly = assemble(folder.path(), IMU, source, false).unwrap();
     let read = drain(folder.path(), assembly.sources[0].1.as_mut());
     assert!(read.error.unwrap().contains("timestamps.txt has no line"));
+}
+
+#[test]
+fn rows_of_another_sensor_and_headings_again_are_no_disorder() {
+    let file = "time_s,vel_x_mps,vel_y_mps,vel_z_mps,other\n1,1,2,3,\n2,,,,9\n2,2,4,6,\n\
+                time_s,vel_x_mps,vel_y_mps,vel_z_mps,other\n3,,,,9\n3,3,6,9,\n2.5,,,,9\n4,4,8,12,\n";
+    let read = read_dvl(file, "").unwrap();
+    assert_eq!((read.error, read.warning), (None, None));
+    let seconds: Vec<i64> = read.samples.iter().map(|s| s.time.nanos() / 1_000_000_000).collect();
+    assert_eq!(seconds, [1, 2, 3, 4]);
 }

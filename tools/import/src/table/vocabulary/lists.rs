@@ -137,6 +137,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "gf",
             "gforce",
             "beschleunigung",
+            "beschl",
             "aceleracion",
         ],
     ),
