@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from navfuse._sensor import Array, Own, Parameter, States, covariance
+from navfuse._sensor import Array, Own, Parameter, Places, States, covariance
 
 #: Names and shapes of a motion, in the order of the extension module.
 _MOTION: dict[str, tuple[int, ...]] = {
@@ -127,13 +127,6 @@ def describe(process: type[Process], table: str) -> Description:
     )
 
 
-def _split(numbers: Array, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Array]:
-    """Numbers of the shape (..., width) by name, each of the shape (..., \\*shape)."""
-    ends = np.cumsum([int(np.prod(shape)) for shape in shapes.values()]).tolist()
-    parts = np.split(numbers, ends[:-1], axis=-1)
-    return {name: p.reshape(p.shape[:-1] + s) for p, (name, s) in zip(parts, shapes.items())}
-
-
 def _shapes(parameters: Mapping[str, Parameter]) -> dict[str, tuple[int, ...]]:
     return {name: p.shape for name, p in parameters.items()}
 
@@ -154,36 +147,34 @@ def _moved(made: Process, answer: Mapping[str, ArrayLike], n: int) -> Array:
 
 
 def _propagate(made: Process) -> Callable[[bytes, float], bytes]:
-    own = {**_shapes(made.states), **_shapes(made.parameters)}
-    channels: dict[str, tuple[int, ...]] = dict.fromkeys(made.channels, ())
-    inputs = sum(int(np.prod(shape)) for shape in own.values())
-    width = inputs + len(channels)
+    own = Places({**_shapes(made.states), **_shapes(made.parameters)})
+    channels = Places(dict.fromkeys(made.channels, ()))
+    width = own.width + channels.width
 
-    def step(x: Array, u: Array, dt: float) -> Mapping[str, ArrayLike]:
-        inner = _split(u, channels) if channels else {}
-        return made.propagate(States(_split(x, own)), States(inner), dt)
+    def step(numbers: Array, dt: float) -> Mapping[str, ArrayLike]:
+        x, u = numbers[..., : own.width], numbers[..., own.width :]
+        return made.propagate(States(x, own), States(u, channels), dt)
 
     def call(data: bytes, dt: float) -> bytes:
-        numbers = np.frombuffer(data, dtype=np.float64).reshape(-1, width)
-        x, u = numbers[:, :inputs], numbers[:, inputs:]
+        rows = np.frombuffer(data, dtype=np.float64).reshape(-1, width)
         if made.vectorised:
-            return _moved(made, step(x, u, dt), len(x)).tobytes()
-        return b"".join(_moved(made, step(a, b, dt), 1).tobytes() for a, b in zip(x, u))
+            return _moved(made, step(rows, dt), len(rows)).tobytes()
+        return b"".join(_moved(made, step(row, dt), 1).tobytes() for row in rows)
 
     return call
 
 
 def _follow(made: Process, motion: bytes) -> list[list[float] | None]:
-    known = made.follow(States(_split(np.frombuffer(motion), _MOTION)))
+    known = made.follow(States(np.frombuffer(motion), Places(_MOTION)))
     value: Callable[[Any], list[float]] = lambda v: np.ravel(v).astype(np.float64).tolist()  # noqa: E731
     return [value(known[name]) if name in known else None for name in made.states]
 
 
 def _simulate(made: Process) -> Callable[[bytes, bytes, bytes, float], bytes]:
-    shapes = {**_MOTION, **_shapes(made.parameters)}
+    places = Places({**_MOTION, **_shapes(made.parameters)})
 
     def call(before: bytes, after: bytes, parameters: bytes, dt: float) -> bytes:
-        first, last = (States(_split(np.frombuffer(end + parameters), shapes)) for end in (before, after))
+        first, last = (States(np.frombuffer(end + parameters), places) for end in (before, after))
         channels = np.ravel(made.simulate(first, last, dt)).astype(np.float64)
         if channels.size != len(made.channels):
             raise ValueError(f"{type(made).__name__}.simulate returned {channels.size} channels")

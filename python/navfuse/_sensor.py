@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -78,19 +79,45 @@ class States:
     all of them have one more axis in front.
     """
 
-    __slots__ = ("_values",)
+    __slots__ = ("_numbers", "_places")
 
-    def __init__(self, values: Mapping[str, Array]) -> None:
-        self._values = values
+    def __init__(self, numbers: Array, places: Places) -> None:
+        self._numbers = numbers
+        self._places = places
 
     def __getitem__(self, name: str) -> Array:
-        return self._values[name]
+        return self._at(*self._places.full[name])
 
     def __getattr__(self, name: str) -> Array:
-        for full, value in self._values.items():
-            if full.rpartition(".")[2] == name:
-                return value
-        raise AttributeError(f"the class does not read {name!r}; it reads {', '.join(self._values)}")
+        place = self._places.short.get(name)
+        if place is None:
+            read = ", ".join(self._places.full)
+            raise AttributeError(f"the class does not read {name!r}; it reads {read}")
+        return self._at(*place)
+
+    def _at(self, at: slice, shape: tuple[int, ...]) -> Array:
+        numbers = self._numbers[..., at]
+        return numbers.reshape(numbers.shape[:-1] + shape)
+
+
+class Places:
+    """Where each state stands among the numbers of a row, and its shape.
+
+    Attributes:
+        full: by full name, such as ``ins.velocity``.
+        short: by the last part of the name, of the first that has it.
+        width: count of the numbers of a row.
+    """
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        self.full: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        self.short: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        self.width = 0
+        for name, shape in shapes.items():
+            end = self.width + math.prod(shape)
+            self.full[name] = slice(self.width, end), shape
+            self.short.setdefault(name.rpartition(".")[2], self.full[name])
+            self.width = end
 
 
 class Sensor:
@@ -215,23 +242,16 @@ def _call(sensor: Sensor, sizes: list[int]) -> Callable[[bytes], bytes]:
     """
     names = [*sensor.reads, *sensor.parameters]
     shapes: dict[int, tuple[int, ...]] = {9: (3, 3), 1: ()}
-    ends = np.cumsum(sizes).tolist()
-    places = [
-        (name, slice(end - size, end), shapes.get(size, (size,)))
-        for name, size, end in zip(names, sizes, ends)
-    ]
+    places = Places({name: shapes.get(size, (size,)) for name, size in zip(names, sizes)})
     channels = len(sensor.channels)
 
-    def one(parts: Mapping[str, Array], k: int) -> ArrayLike:
-        return sensor.predict(States({name: part[k] for name, part in parts.items()}))
-
     def call(data: bytes) -> bytes:
-        numbers = np.frombuffer(data, dtype=np.float64).reshape(-1, ends[-1])
+        numbers = np.frombuffer(data, dtype=np.float64).reshape(-1, places.width)
         n = len(numbers)
-        parts = {name: numbers[:, at].reshape(n, *shape) for name, at, shape in places}
-        all_at_once = sensor.vectorised
-        predicted = sensor.predict(States(parts)) if all_at_once else [one(parts, k) for k in range(n)]
-        array = np.asarray(predicted, dtype=np.float64)
+        if sensor.vectorised:
+            array = np.asarray(sensor.predict(States(numbers, places)), dtype=np.float64)
+        else:
+            array = np.array([sensor.predict(States(row, places)) for row in numbers], dtype=np.float64)
         if array.size != n * channels:
             raise ValueError(
                 f"{type(sensor).__name__}.predict returned the shape {array.shape} "

@@ -181,6 +181,11 @@ impl DynamicModel for Model {
         }
     }
 
+    /// The states are declared, so that no call is needed.
+    fn read(&self, x: &View<'_, f64>, _: &mut [f64]) {
+        self.append(x, &mut Vec::new());
+    }
+
     fn noise(&self, _: &View<'_, f64>, r: &mut [f64]) {
         r.copy_from_slice(&self.covariance);
     }

@@ -113,9 +113,10 @@ pub fn watched<T: Send>(
     let wait = || {
         thread::scope(|scope| {
             let (working, over) = channel::<()>();
+            // attached once: a state of the interpreter for each call would cost more than most calls
             let worker = scope.spawn(|| {
                 let _working = working;
-                work(&watch)
+                Python::attach(|py| py.detach(|| work(&watch)))
             });
             while over.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
                 if !watch.stop.load(Ordering::Relaxed)

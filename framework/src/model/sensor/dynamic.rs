@@ -57,6 +57,12 @@ pub trait DynamicModel: Send + Sync + 'static {
         states.iter().zip(z.chunks_mut(n.max(1))).for_each(|(x, z)| self.predict(x, z));
     }
 
+    /// Reads the states that [`Self::predict`] reads, so that the framework knows them; nobody reads
+    /// `z` after it. Default: it predicts.
+    fn read(&self, x: &View<'_, f64>, z: &mut [f64]) {
+        self.predict(x, z);
+    }
+
     /// Computes `R`, the covariance of the noise of the channels, row by row, SI squared. The
     /// elements are zero before.
     fn noise(&self, x: &View<'_, f64>, r: &mut [f64]);
@@ -81,15 +87,21 @@ impl<M: DynamicModel> Dynamic<M> {
         z
     }
 
+    /// Records the blocks that the prediction reads.
+    fn read(&self, at: &At<'_>, read: &RefCell<BlockSet>) {
+        let mut unused = [0.0; MAX_CHANNELS];
+        self.model.read(&at.view().recording(read), &mut unused[..self.channels]);
+    }
+
     fn noise_at(&self, x: &View<'_, f64>) -> [f64; MAX_CHANNELS * MAX_CHANNELS] {
         let mut r = [0.0; MAX_CHANNELS * MAX_CHANNELS];
         self.model.noise(x, &mut r[..self.channels * self.channels]);
         r
     }
 
-    /// Derivatives of the prediction along axes, each a block and a component of its tangent: the
-    /// channels of one axis after those of another.
-    fn slopes(&self, at: &At<'_>, axes: &[(usize, usize)]) -> Vec<f64> {
+    /// The prediction, and its derivatives along axes, each a block and a component of its tangent:
+    /// the channels of one axis after those of another.
+    fn expand(&self, at: &At<'_>, axes: &[(usize, usize)]) -> (Vec<f64>, Vec<f64>) {
         let n = self.channels;
         let moved = |&(slot, axis): &(usize, usize)| {
             let step = difference_step(at, slot);
@@ -99,9 +111,11 @@ impl<M: DynamicModel> Dynamic<M> {
                 View::seeded(at.layout, at.state, slot, delta).with(at.sample)
             })
         };
-        let states: Vec<View<'_, f64>> = axes.iter().flat_map(moved).collect();
+        let states: Vec<View<'_, f64>> =
+            axes.iter().flat_map(moved).chain(std::iter::once(at.view())).collect();
         let mut z = vec![0.0; n * states.len()];
         self.model.predict_all(&states, &mut z);
+        let predicted = z.split_off(2 * n * axes.len());
         let pairs = axes.iter().zip(z.chunks_exact((2 * n).max(1)));
         let slope = |((slot, _), pair): (&(usize, usize), &[f64])| {
             let (ahead, behind) = pair.split_at(n);
@@ -109,7 +123,20 @@ impl<M: DynamicModel> Dynamic<M> {
             let difference = |i| self.model.difference(i, ahead[i], behind[i]) / (2.0 * step);
             (0..n).map(difference).collect::<Vec<f64>>()
         };
-        pairs.flat_map(slope).collect()
+        let slopes = pairs.flat_map(slope).collect();
+        (predicted, slopes)
+    }
+
+    /// The prediction; the rows of `h`, each of `columns` numbers, become its derivatives by the
+    /// tangents of the blocks that are read.
+    fn expand_all(&self, at: &At<'_>, columns: usize, read: &BlockSet, h: &mut [f64]) -> Vec<f64> {
+        let width = |slot: usize| at.layout.blocks[slot].tangent_range().len();
+        let axes = read.slots().flat_map(|slot| (0..width(slot)).map(move |axis| (slot, axis)));
+        let (predicted, slopes) = self.expand(at, &axes.collect::<Vec<_>>());
+        for (column, slope) in slopes.chunks_exact(self.channels.max(1)).enumerate() {
+            slope.iter().enumerate().for_each(|(i, h_i)| h[i * columns + column] = *h_i);
+        }
+        predicted
     }
 }
 
@@ -129,7 +156,7 @@ impl<M: DynamicModel> AnyMeasurement for Dynamic<M> {
 
     fn blocks(&self, at: &At<'_>) -> BlockSet {
         let read = RefCell::default();
-        self.predicted(&at.view().recording(&read));
+        self.read(at, &read);
         read.into_inner()
     }
 
@@ -137,9 +164,9 @@ impl<M: DynamicModel> AnyMeasurement for Dynamic<M> {
         let n = self.channels;
         let read = RefCell::new(std::mem::take(&mut update.read));
         read.borrow_mut().clear();
-        let predicted = self.predicted(&at.view().recording(&read));
+        self.read(at, &read);
         update.read_blocks(at.layout, read.into_inner(), n);
-        self.differentiate(at, &update.columns, &update.read, &mut update.h);
+        let predicted = self.expand_all(at, update.columns.len(), &update.read, &mut update.h);
         let innovation: [f64; MAX_CHANNELS] = std::array::from_fn(|i| match at.sample.get(i) {
             Some(z) if i < n => self.model.difference(i, z, predicted[i]),
             _ => f64::NAN,
@@ -148,16 +175,11 @@ impl<M: DynamicModel> AnyMeasurement for Dynamic<M> {
     }
 
     fn derivative(&self, at: &At<'_>, block: usize, component: usize, out: &mut [f64]) {
-        out.copy_from_slice(&self.slopes(at, &[(block, component)]));
+        out.copy_from_slice(&self.expand(at, &[(block, component)]).1);
     }
 
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
-        let width = |slot: usize| at.layout.blocks[slot].tangent_range().len();
-        let axes = read.slots().flat_map(|slot| (0..width(slot)).map(move |axis| (slot, axis)));
-        let slopes = self.slopes(at, &axes.collect::<Vec<_>>());
-        for (column, slope) in slopes.chunks_exact(self.channels.max(1)).enumerate() {
-            slope.iter().enumerate().for_each(|(i, h_i)| h[i * columns.len() + column] = *h_i);
-        }
+        self.expand_all(at, columns.len(), read, h);
     }
 
     fn analytic(&self, _: &At<'_>, _: &[usize], _: &mut [f64]) -> bool {
