@@ -43,8 +43,8 @@ pub struct Strapdown {
     /// IMU that drives the process: the name of its `[sensor.NAME]` table.
     #[serde(default = "imu")]
     pub imu: String,
-    /// Source of attitude and velocity at the start: `given` (default), `static`, `in-motion` or
-    /// `course`, or a table with that `method` and its keys.
+    /// Source of attitude and velocity at the start: `given` (default), `static`, `in-motion`,
+    /// `in-flight` or `course`, or a table with that `method` and its keys.
     #[serde(default)]
     pub alignment: Alignment,
     /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not

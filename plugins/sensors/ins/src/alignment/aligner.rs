@@ -1,8 +1,9 @@
 //! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
 
 use super::coarse::{CoarseAlignment, Sensed};
-use super::config::{Alignment, AlignmentMethod};
+use super::config::{Alignment, AlignmentMethod, Formula};
 use super::error::AlignmentError;
+use super::sensors::{Channels, body_velocity, model, receiver};
 use super::settings::AlignmentSettings;
 use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
@@ -15,15 +16,11 @@ use navfuse_core::model::process::start::{
     AlignmentReport, FilterView, InitialAlignment, Progress, Supervision,
 };
 use navfuse_core::model::record::Level;
-use navfuse_core::model::sensor::Purpose;
-use navfuse_core::model::sensor::measurement::AnyMeasurement;
-use navfuse_core::model::sensor::{Role, Sensor};
+use navfuse_core::model::sensor::Sensor;
 use navfuse_core::state::display;
 use navfuse_core::state::{Layout, State};
-use navfuse_core::units::Unit;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
-use std::sync::Arc;
 
 /// Interval of the zero-velocity updates and of the checks of the heading.
 const PERIOD: Span = Span::from_nanos(1_000_000_000);
@@ -70,7 +67,7 @@ saved!(Aligned { elapsed, heading, sigma });
 pub(crate) struct Aligner {
     settings: AlignmentSettings,
     navigation: Navigation,
-    /// Velocity sensor that the scenario names.
+    /// Sensor that the scenario names.
     wanted: Option<String>,
     imu: (String, Imu),
     sensed: Option<Sensed>,
@@ -112,49 +109,39 @@ impl Aligner {
         }
     }
 
-    /// The sensor that the scenario names, or else the only one with at least three channels that
-    /// are speeds.
-    fn velocity_sensor(
-        &self,
-        sensors: &[Sensor],
-    ) -> Result<(usize, Arc<dyn AnyMeasurement + Sync>), ComposeError> {
-        let measures = |s: &&Sensor| s.info.purpose == Purpose::Measurement && !s.constraint;
-        let names = |list: &[&Sensor]| {
-            list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ")
-        };
-        let all: Vec<&Sensor> = sensors.iter().filter(measures).collect();
-        let speeds = |s: &&&Sensor| {
-            s.info.channels.iter().filter(|c| c.unit == Unit::METRE_PER_SECOND).count() >= 3
-        };
-        let fitting: Vec<&Sensor> = match &self.wanted {
-            Some(name) => all.iter().copied().filter(|s| s.info.name == *name).collect(),
-            None => all.iter().filter(speeds).copied().collect(),
-        };
-        let [one] = fitting.as_slice() else {
-            let what = match (&self.wanted, fitting.len()) {
-                (Some(name), _) => format!("there is no [sensor.{name}] that corrects the state"),
-                (None, 0) => {
-                    "an alignment in motion needs a sensor that measures the velocity, such as \
-                     [sensor.dvl]"
-                        .into()
-                }
-                (None, _) => {
-                    format!("more than one sensor measures the velocity: {}", names(&fitting))
-                }
-            };
-            let text = format!(
-                "{what}; name one with alignment.velocity (sensors that correct the state: {})",
-                names(&all)
-            );
-            return Err(ComposeError::new("alignment", text));
-        };
-        let index = sensors.iter().position(|s| s.info.name == one.info.name).unwrap_or_default();
-        match &one.role {
-            Role::Measurement(model) => Ok((index, Arc::clone(model))),
-            Role::Input(_) | Role::Reference(_) => {
-                Err(ComposeError::new("alignment", "the sensor measures nothing"))
+    fn formula(&self, channels: Channels) -> Result<Formula, ComposeError> {
+        match (self.settings.formula, channels.velocity) {
+            (Some(Formula::Velocity), None) => {
+                let text = "the receiver measures no velocity: give its velocity_noise, or formula = \
+                            \"position\"";
+                Err(ComposeError::new("alignment.formula", text))
             }
+            (Some(stated), _) => Ok(stated),
+            (None, velocity) => Ok(velocity.map_or(Formula::Position, |_| Formula::Velocity)),
         }
+    }
+
+    /// Finds the sensors that the method needs.
+    fn sensed(&self, sensors: &[Sensor]) -> Result<Sensed, ComposeError> {
+        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
+        let wanted = self.wanted.as_deref();
+        let (index, gnss) = match self.settings.method {
+            AlignmentMethod::InMotion => (Some(body_velocity(sensors, wanted)?), None),
+            AlignmentMethod::InFlight => {
+                let (index, channels) = receiver(sensors, wanted).ok_or_else(|| {
+                    let text = "an alignment in flight needs a sensor that measures the position, \
+                                such as [sensor.gnss]; name it with alignment.velocity";
+                    ComposeError::new("alignment", text)
+                })?;
+                (Some(index), Some((channels, self.formula(channels)?)))
+            }
+            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => {
+                (None, None)
+            }
+        };
+        let velocity = index.map(|k| Ok((k, model(&sensors[k])?))).transpose()?;
+        let (navigation, imu) = (self.navigation, self.imu.1.clone());
+        Ok(Sensed { navigation, imu, driver, velocity, gnss })
     }
 
     /// Heading and 1-sigma of the heading, rad.
@@ -176,13 +163,7 @@ impl Aligner {
 
 impl InitialAlignment for Aligner {
     fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
-        let velocity = match self.settings.method {
-            AlignmentMethod::InMotion => Some(self.velocity_sensor(sensors)?),
-            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => None,
-        };
-        let (navigation, imu) = (self.navigation, self.imu.1.clone());
-        self.sensed = Some(Sensed { navigation, imu, driver, velocity });
+        self.sensed = Some(self.sensed(sensors)?);
         Ok(())
     }
 
@@ -319,7 +300,10 @@ impl InitialAlignment for Aligner {
         let settings = &self.settings;
         let need = match settings.method {
             AlignmentMethod::Static => format!("an alignment at rest of {} s", settings.duration),
-            AlignmentMethod::Given | AlignmentMethod::InMotion | AlignmentMethod::Course => {
+            AlignmentMethod::Given
+            | AlignmentMethod::InMotion
+            | AlignmentMethod::InFlight
+            | AlignmentMethod::Course => {
                 format!("an alignment in motion of {} s", settings.duration)
             }
         };
@@ -356,8 +340,7 @@ impl InitialAlignment for Aligner {
         let Aligned { elapsed, heading, sigma } = self.aligned?;
         let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
         let (heading, sigma) = (degrees(heading), sigma.to_degrees());
-        let method =
-            if self.settings.method == AlignmentMethod::Static { "static" } else { "in-motion" };
+        let method = self.settings.method.name();
         let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
         let from =
             coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));

@@ -1,9 +1,11 @@
 //! The coarse alignment: an attitude from the first samples.
 
-use super::config::{AlignmentMethod, CoarseMethod};
+use super::config::{AlignmentMethod, CoarseMethod, Formula};
 use super::error::AlignmentError;
+use super::in_flight::{Received, Track};
 use super::inertial::{Instant, Integral, align};
-use super::optimisation::analytic;
+use super::optimisation::{analytic, fit};
+use super::sensors::{Channels, Model};
 use super::settings::AlignmentSettings;
 use crate::earth::LocalEarth;
 use crate::imu::Imu;
@@ -18,7 +20,6 @@ use navfuse_core::state::{Block, Layout, Mode, State, View};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 /// Interval between the instants of an alignment at rest, s.
 const INTERVAL: f64 = 1.0;
@@ -36,7 +37,9 @@ pub(crate) struct Sensed {
     pub imu: Imu,
     pub driver: usize,
     /// Index and model of the sensor that measures the velocity.
-    pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
+    pub velocity: Option<(usize, Model)>,
+    /// Channels of that sensor, if it is a GNSS receiver, and the formula in which they enter.
+    pub gnss: Option<(Channels, Formula)>,
 }
 
 /// Attitude and velocity at the beginning.
@@ -71,9 +74,22 @@ pub(crate) struct CoarseAlignment {
     measured: Vec<(Sample, [f64; 3])>,
     /// Velocity samples later than the latest driving sample.
     waiting: VecDeque<Sample>,
+    /// The fixes of GNSS.
+    track: Track,
 }
 
-saved!(CoarseAlignment { state, earth, begin, last, integral, sums, instants, measured, waiting });
+saved!(CoarseAlignment {
+    state,
+    earth,
+    begin,
+    last,
+    integral,
+    sums,
+    instants,
+    measured,
+    waiting,
+    track
+});
 
 impl CoarseAlignment {
     pub fn new(layout: &Layout, state: &State, navigation: Navigation) -> Self {
@@ -91,6 +107,7 @@ impl CoarseAlignment {
             instants: Vec::new(),
             measured: Vec::new(),
             waiting: VecDeque::new(),
+            track: Track::default(),
         }
     }
 
@@ -148,6 +165,7 @@ impl CoarseAlignment {
     ) -> Result<CoarseSolution, AlignmentError> {
         match settings.method {
             AlignmentMethod::InMotion => self.in_motion(settings),
+            AlignmentMethod::InFlight => self.in_flight(sensed, settings),
             AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => {
                 self.at_rest(sensed, settings)
             }
@@ -222,17 +240,27 @@ impl CoarseAlignment {
             return Ok(());
         };
         model.complete(&mut sample);
+        let time = sample.time.since(self.begin);
+        let mut then = self.integral;
+        if before.dt > 0.0 {
+            then.advance(before);
+        }
+        if let Some((channels, formula)) = sensed.gnss {
+            self.gap(time, settings)?;
+            let at = self.state.get(layout, navigation.position);
+            let mut still = [0.0; MAX_CHANNELS];
+            let here = At { layout, state: &self.state, sample: &sample };
+            model.predict(&here, &mut still[..model.channels()]);
+            let received = Received { time, sample: &sample, integral: &then, still, at };
+            self.track.take(channels, formula, &received);
+            return Ok(());
+        }
         let Some(velocity) =
             body_velocity(layout, model.as_ref(), &self.state, &sample, navigation)
         else {
             return Ok(());
         };
-        let time = sample.time.since(self.begin);
         self.gap(time, settings)?;
-        let mut then = self.integral;
-        if before.dt > 0.0 {
-            then.advance(before);
-        }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
         self.measured.push((sample, navigation.published(&View::new(layout, &self.state))));
         Ok(())
@@ -240,7 +268,7 @@ impl CoarseAlignment {
 
     /// Rejects a gap in the velocities that is too long, up to `time` since the beginning.
     fn gap(&self, time: f64, settings: &AlignmentSettings) -> Result<(), AlignmentError> {
-        let last = self.instants.last().map_or(0.0, |i| i.time);
+        let last = self.instants.last().map_or(self.track.time(), |i| i.time);
         if time - last <= settings.max_gap {
             return Ok(());
         }
@@ -255,13 +283,10 @@ impl CoarseAlignment {
     fn in_motion(&self, settings: &AlignmentSettings) -> Result<CoarseSolution, AlignmentError> {
         self.gap(self.elapsed(), settings)?;
         let count = self.instants.len();
-        let found = (count >= FEWEST).then(|| align(&self.instants, &self.earth)).flatten();
+        let fitted = || align(&self.instants, &self.earth, settings.coarse);
+        let found = (count >= FEWEST).then(fitted).flatten();
         let (Some(found), Some(first)) = (found, self.instants.first()) else {
-            return Err(AlignmentError::TooFewVelocities {
-                count,
-                duration: settings.duration,
-                least: FEWEST,
-            });
+            return Err(Self::too_few(count, settings));
         };
         Ok(CoarseSolution {
             velocity: found.c_b_n * (first.c_b_b0 * first.velocity),
@@ -269,12 +294,31 @@ impl CoarseAlignment {
         })
     }
 
+    fn in_flight(
+        &self,
+        sensed: &Sensed,
+        settings: &AlignmentSettings,
+    ) -> Result<CoarseSolution, AlignmentError> {
+        self.gap(self.elapsed(), settings)?;
+        let count = self.track.count();
+        let (_, formula) = sensed.gnss.ok_or_else(|| Self::too_few(0, settings))?;
+        let fitted = || fit(&self.track.pairs(formula), settings.coarse);
+        let c_b_n = (count >= FEWEST).then(fitted).flatten();
+        let c_b_n = c_b_n.ok_or_else(|| Self::too_few(count, settings))?;
+        Ok(CoarseSolution { velocity: self.track.beginning(formula, &c_b_n), c_b_n })
+    }
+
+    fn too_few(count: usize, settings: &AlignmentSettings) -> AlignmentError {
+        AlignmentError::TooFewVelocities { count, duration: settings.duration, least: FEWEST }
+    }
+
     fn at_rest(
         &self,
         sensed: &Sensed,
         settings: &AlignmentSettings,
     ) -> Result<CoarseSolution, AlignmentError> {
-        let found = align(&self.instants, &self.earth).ok_or(AlignmentError::NoDirection)?;
+        let found = align(&self.instants, &self.earth, settings.coarse);
+        let found = found.ok_or(AlignmentError::NoDirection)?;
         // sigma of the apparent velocity of a vehicle at rest: sway at both ends, accelerometer
         // bias and noise, and the tilt from gyro bias (g b t^2 / 2) and gyro noise (g N sqrt(t^3 /
         // 3))
@@ -303,7 +347,7 @@ impl CoarseAlignment {
             });
         }
         let c_b_n = match settings.coarse {
-            CoarseMethod::Optimisation => found.c_b_n,
+            CoarseMethod::Optimisation | CoarseMethod::VelocityLoci => found.c_b_n,
             CoarseMethod::Analytic => {
                 let t = self.elapsed();
                 analytic(&(self.sums.1 / t), &(self.sums.0 / t), &self.earth)

@@ -19,21 +19,54 @@ pub enum AlignmentMethod {
     Static,
     /// In motion: from gravity, Earth rate and a sensor that measures the velocity.
     InMotion,
+    /// In motion, as of an aircraft: from gravity, Earth rate and GNSS.
+    InFlight,
     /// In motion, for gyros that cannot find north: from the velocity of GNSS, or its successive
     /// positions, and the accelerometers, and from the course of a vehicle that moves forwards.
     Course,
 }
 
-/// Method of the coarse attitude at rest.
+impl AlignmentMethod {
+    /// Name of the method in a scenario.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Given => "given",
+            Self::Static => "static",
+            Self::InMotion => "in-motion",
+            Self::InFlight => "in-flight",
+            Self::Course => "course",
+        }
+    }
+
+    /// Set if the alignment finds north by the rotation of the Earth while the vehicle moves.
+    pub(crate) fn moving(self) -> bool {
+        matches!(self, Self::InMotion | Self::InFlight)
+    }
+}
+
+/// Method of the coarse attitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum CoarseMethod {
     /// From the rotation of gravity in inertial axes over the whole time, which sway does not
     /// disturb.
     #[default]
     Optimisation,
-    /// From the means of specific force and angular rate, for a vehicle that stands still.
+    /// From the change of velocity by gravity in inertial axes, at the end and half way there (Silson
+    /// 2011).
+    VelocityLoci,
+    /// At rest: from the means of specific force and angular rate, for a vehicle that stands still.
     Analytic,
+}
+
+/// Formula of an alignment by GNSS (Wu & Pan 2013).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Formula {
+    /// Velocity integration formula: velocities of GNSS.
+    Velocity,
+    /// Position integration formula: successive positions of GNSS.
+    Position,
 }
 
 /// Initial alignment of attitude and velocity. The filter starts at the beginning of the alignment,
@@ -42,27 +75,31 @@ pub enum CoarseMethod {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentConfig {
-    /// Method: `given` (default), `static`, `in-motion` or `course`.
+    /// Method: `given` (default), `static`, `in-motion`, `in-flight` or
+    /// `course`.
     #[serde(default)]
     pub method: AlignmentMethod,
-    /// Shortest duration. Default: 600 s at rest, 240 s in motion, 10 s by the course.
+    /// Shortest duration. Default: 600 s at rest, 240 s in motion and in flight, 10 s by the course.
     pub duration: Option<Positive<Duration>>,
     /// 1-sigma of the heading at which the alignment may end. It continues until then, and a run
     /// that never reaches the gate fails. Default: 1 deg.
     pub heading_gate: Option<Positive<Angle>>,
-    /// At rest: method of the coarse attitude, `optimisation` (default) or `analytic`.
+    /// Method of the coarse attitude: `optimisation` (default), `velocity-loci`, or, at rest,
+    /// `analytic`.
     pub coarse: Option<CoarseMethod>,
     /// At rest: duration of the coarse alignment. Default: a fifth of the duration, 20 s to 120 s.
     pub coarse_duration: Option<Positive<Duration>>,
     /// At rest: 1-sigma of the velocity of a vehicle that sways or shakes in its place. The filter
     /// applies a zero-velocity update with this sigma once a second. Default: 5 mm/s.
     pub rest_velocity: Option<Positive<Speed>>,
+    /// In flight: `velocity`, or `position`. Default: the velocity, where the receiver measures it.
+    pub formula: Option<Formula>,
     /// In motion: sensor that measures the velocity, such as a DVL. Default: the only one that can.
-    /// By the course: GNSS receiver. Default: the first one with a velocity, else the first one.
+    /// In flight and by the course: GNSS receiver. Default: the first one with a velocity, else the first one.
     pub velocity: Option<String>,
     /// By the course: speed from which the direction of the velocity is used. Default: 2 m/s.
     pub min_speed: Option<Positive<Speed>>,
-    /// In motion: longest time without a velocity. Default: 5 s.
+    /// In motion and in flight: longest time without a velocity. Default: 5 s.
     pub max_gap: Option<Positive<Duration>>,
 }
 
@@ -83,7 +120,7 @@ impl<'de> Visitor<'de> for MethodOrTable {
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(
-            "\"given\", \"static\", \"in-motion\", \"course\", or a table such as \
+            "\"given\", \"static\", \"in-motion\", \"in-flight\", \"course\", or a table such as \
              { method = \"static\", duration = \"600 s\" }",
         )
     }

@@ -23,6 +23,7 @@ use super::config::AlignmentConfig;
 use super::error::AlignmentError;
 use super::inertial::Integral;
 use super::optimisation::Pairs;
+use super::sensors::{Channels, receiver};
 use crate::earth::LocalEarth;
 use crate::imu::Imu;
 use crate::mechanisation::Increments;
@@ -36,7 +37,7 @@ use navfuse_core::model::process::start::{
     AlignmentReport, FilterView, InitialAlignment, Progress,
 };
 use navfuse_core::model::record::Level;
-use navfuse_core::model::sensor::{Purpose, Sensor};
+use navfuse_core::model::sensor::Sensor;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Sample;
@@ -236,21 +237,13 @@ impl CourseAlignment {
 
 impl InitialAlignment for CourseAlignment {
     fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        let channel = |s: &Sensor, name: &str| s.info.position(name);
-        let fitting = |s: &Sensor| {
-            let wanted = self.settings.wanted.as_ref().is_none_or(|name| s.info.name == *name);
-            let measures = s.info.purpose == Purpose::Measurement && !s.constraint;
-            channel(s, "lat").filter(|_| wanted && measures).map(|lat| (lat, channel(s, "vel_n")))
-        };
-        let found = sensors.iter().enumerate().filter_map(|(k, s)| Some((k, fitting(s)?)));
-        // the first one with a velocity
-        let found = found.min_by_key(|(_, (_, velocity))| velocity.is_none());
-        let Some((gnss, (position, velocity))) = found else {
+        let Some((gnss, channels)) = receiver(sensors, self.settings.wanted.as_deref()) else {
             let text = "an alignment by the course needs a sensor that measures the position, such \
                         as [sensor.gnss]; name it with alignment.velocity";
             return Err(ComposeError::new("alignment", text));
         };
         let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
+        let Channels { position, velocity } = channels;
         self.sensed = Some(Sensed { driver, gnss, position, velocity });
         Ok(())
     }

@@ -17,7 +17,8 @@
 //! effect: its rotation is in `C_b^b0`, and its velocity stays small compared with `a`, which grows
 //! with time.
 
-use super::optimisation::{Fit, Pairs};
+use super::config::CoarseMethod;
+use super::optimisation::fit;
 use crate::earth::LocalEarth;
 use crate::mechanisation::{Increments, Mechanisation};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -30,10 +31,12 @@ pub struct Integral {
     pub c_b_b0: UnitQuaternion<f64>,
     /// `int C_b^b0 f^b dt`, m/s.
     pub dvel: Vector3<f64>,
+    /// Integral of `dvel`, m.
+    pub path: Vector3<f64>,
     mechanisation: Mechanisation,
 }
 
-saved!(Integral { c_b_b0, dvel, mechanisation });
+saved!(Integral { c_b_b0, dvel, path, mechanisation });
 
 impl Integral {
     /// Adds an inertial sample whose biases are removed.
@@ -42,7 +45,9 @@ impl Integral {
         // the velocity increment in the axes of the interval's beginning, `int C(t) f dt`, to third
         // order in the rotation (Groves section 5.5.4)
         let turned = rotation.cross(&dvel);
+        let before = self.dvel;
         self.dvel += self.c_b_b0 * (dvel + turned * 0.5 + rotation.cross(&turned) / 6.0);
+        self.path += (before + self.dvel) * (0.5 * sample.dt);
         self.c_b_b0 = UnitQuaternion::new_normalize(
             (self.c_b_b0 * UnitQuaternion::from_scaled_axis(rotation)).into_inner(),
         );
@@ -80,14 +85,14 @@ const ROUNDS: usize = 8;
 /// Computes the attitude at the beginning from instants in order of time, relative to the first of
 /// them. `None` with fewer than three instants, or where gravity does not rotate: at a pole, or in
 /// a span of zero length.
-pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<AttitudeFit> {
+pub fn align(
+    instants: &[Instant],
+    earth: &LocalEarth,
+    method: CoarseMethod,
+) -> Option<AttitudeFit> {
     let mut c_b_n = None;
     for _ in 0..ROUNDS {
-        let fit = pairs(instants, earth, c_b_n).iter().fold(Pairs::default(), |mut sum, (a, b)| {
-            sum.add(a, b);
-            sum
-        });
-        let Fit { rotation, .. } = fit.solve()?;
+        let rotation = fit(&pairs(instants, earth, c_b_n), method)?;
         if c_b_n
             .replace(rotation)
             .is_some_and(|before: UnitQuaternion<f64>| before.angle_to(&rotation) < 1e-9)
@@ -191,8 +196,11 @@ mod tests {
         (instants, start, earth)
     }
 
+    /// The larger error of the two methods.
     fn error_deg(instants: &[Instant], start: &NavState, earth: &LocalEarth) -> f64 {
-        align(instants, earth).unwrap().c_b_n.angle_to(&start.c_b_n).to_degrees()
+        let error = |method| align(instants, earth, method).unwrap().c_b_n.angle_to(&start.c_b_n);
+        let (all, two) = (error(CoarseMethod::Optimisation), error(CoarseMethod::VelocityLoci));
+        all.max(two).to_degrees()
     }
 
     #[test]
@@ -229,9 +237,8 @@ mod tests {
         let mut worst = 0.0_f64;
         for seed in 40..50 {
             let (instants, start, earth) = run(seed, 120, 5.0, 0.0, 0.0);
-            let mut sum = Pairs::default();
-            pairs(&instants, &earth, None).iter().for_each(|(a, b)| sum.add(a, b));
-            worst = worst.max(sum.solve().unwrap().rotation.angle_to(&start.c_b_n).to_degrees());
+            let alone = fit(&pairs(&instants, &earth, None), CoarseMethod::Optimisation).unwrap();
+            worst = worst.max(alone.angle_to(&start.c_b_n).to_degrees());
             assert!(error_deg(&instants, &start, &earth) < 0.02);
         }
         assert!(worst > 0.5, "{worst}");
@@ -240,20 +247,20 @@ mod tests {
     #[test]
     fn a_motion_that_is_not_the_one_told_shows_in_the_residuals() {
         let (mut instants, _, earth) = run(60, 60, 5.0, 0.05, 0.0);
-        let told = align(&instants, &earth).unwrap();
+        let told = align(&instants, &earth, CoarseMethod::Optimisation).unwrap();
         // `align` keeps the initial gravity, but 300 m of height change gravity by 1e-3 m/s^2;
         // after a minute the velocity is 0.03 m/s off
         assert!(told.residuals.iter().all(|r| *r < 0.05), "{:?}", told.residuals);
         instants.iter_mut().for_each(|i| i.velocity = Vector3::zeros());
-        let at_rest = align(&instants, &earth).unwrap();
+        let at_rest = align(&instants, &earth, CoarseMethod::Optimisation).unwrap();
         assert!(at_rest.residuals.iter().any(|r| *r > 0.5));
     }
 
     #[test]
     fn too_little_is_refused() {
         let earth = LocalEarth::at(0.5, 0.0);
-        assert!(align(&[], &earth).is_none());
+        assert!(align(&[], &earth, CoarseMethod::Optimisation).is_none());
         let (instants, ..) = run(70, 2, 0.0, 0.0, 0.0);
-        assert!(align(&instants[..1], &earth).is_none());
+        assert!(align(&instants[..1], &earth, CoarseMethod::Optimisation).is_none());
     }
 }

@@ -1,5 +1,6 @@
 //! Attitude from vectors known in two frames.
 
+use super::config::CoarseMethod;
 use crate::earth::LocalEarth;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 use navfuse_core::checkpoint::saved;
@@ -19,9 +20,36 @@ pub fn analytic(
     rate: &Vector3<f64>,
     earth: &LocalEarth,
 ) -> Option<UnitQuaternion<f64>> {
-    let n = triad(&Vector3::z(), &earth.earth_rate())?;
-    let b = triad(&-force, rate)?;
-    Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(n * b.transpose())))
+    two_vectors((&Vector3::z(), &-force), (&earth.earth_rate(), rate))
+}
+
+/// The rotation `C` with `a = C b` for the first pair `(a, b)`, and for the second in the plane of both.
+fn two_vectors(
+    first: (&Vector3<f64>, &Vector3<f64>),
+    second: (&Vector3<f64>, &Vector3<f64>),
+) -> Option<UnitQuaternion<f64>> {
+    let (a, b) = (triad(first.0, second.0)?, triad(first.1, second.1)?);
+    let matrix = Rotation3::from_matrix_unchecked(a * b.transpose());
+    Some(UnitQuaternion::from_rotation_matrix(&matrix))
+}
+
+/// The rotation `C` that fits pairs `(a, b)` in order of time, `a = C b`, by a method: by all of them
+/// ([`Pairs`]), or by two.
+///
+/// Silson (*Coarse alignment of a ship's strapdown inertial attitude reference system using velocity
+/// loci*, IEEE Trans. Instrum. Meas. 60(6), 2011) takes the vectors at two times, which the rotation of
+/// the Earth has turned against one another: those of the end and half way there.
+pub fn fit(
+    pairs: &[(Vector3<f64>, Vector3<f64>)],
+    method: CoarseMethod,
+) -> Option<UnitQuaternion<f64>> {
+    if method == CoarseMethod::VelocityLoci {
+        let (end, half) = (pairs.last()?, pairs.get(pairs.len() / 2)?);
+        return two_vectors((&end.0, &end.1), (&half.0, &half.1));
+    }
+    let mut sum = Pairs::default();
+    pairs.iter().for_each(|(a, b)| sum.add(a, b));
+    sum.solve().map(|fit| fit.rotation)
 }
 
 /// Builds an orthonormal triad: along `first`, normal to both, and normal to these two.

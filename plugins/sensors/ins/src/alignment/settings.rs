@@ -1,6 +1,6 @@
 //! Settings of an alignment in SI, with their defaults and the priors that follow from them.
 
-use super::config::{Alignment, AlignmentMethod, CoarseMethod};
+use super::config::{Alignment, AlignmentMethod, CoarseMethod, Formula};
 use super::zero_velocity::ZeroVelocity;
 use crate::earth::{EARTH_RATE, normal_gravity};
 use crate::imu::Imu;
@@ -27,6 +27,8 @@ pub(crate) struct AlignmentSettings {
     /// Time for which the coarse alignment collects samples, s.
     pub coarse_duration: f64,
     pub coarse: CoarseMethod,
+    /// Formula that the scenario states.
+    pub formula: Option<Formula>,
     /// 1-sigma of the heading at which the alignment may end, rad.
     pub gate: f64,
     pub rest_velocity: f64,
@@ -45,24 +47,31 @@ impl AlignmentSettings {
         let c = &config.0;
         let error =
             |key: &str, text: String| Err(ComposeError::new(format!("alignment.{key}"), text));
+        let found = [("coarse", c.coarse.is_some())];
         let at_rest = [
-            ("coarse", c.coarse.is_some()),
             ("coarse_duration", c.coarse_duration.is_some()),
             ("rest_velocity", c.rest_velocity.is_some()),
         ];
         let moving = [("velocity", c.velocity.is_some()), ("max_gap", c.max_gap.is_some())];
+        let flight = [("formula", c.formula.is_some())];
         let course = [("min_speed", c.min_speed.is_some())];
         let any = [("duration", c.duration.is_some()), ("heading_gate", c.heading_gate.is_some())];
         let (unused, why): (Vec<_>, _) = match c.method {
             AlignmentMethod::Given => (
-                [&at_rest[..], &moving, &course, &any].concat(),
+                [&found[..], &at_rest, &moving, &flight, &course, &any].concat(),
                 "of no use where attitude and velocity are given",
             ),
-            AlignmentMethod::Static => ([&moving[..], &course].concat(), "of no use at rest"),
-            AlignmentMethod::InMotion => ([&at_rest[..], &course].concat(), "of no use in motion"),
-            AlignmentMethod::Course => {
-                ([&at_rest[..], &moving[1..], &any[1..]].concat(), "of no use by the course")
+            AlignmentMethod::Static => {
+                ([&moving[..], &flight, &course].concat(), "of no use at rest")
             }
+            AlignmentMethod::InMotion => {
+                ([&at_rest[..], &flight, &course].concat(), "of no use in motion")
+            }
+            AlignmentMethod::InFlight => ([&at_rest[..], &course].concat(), "of no use in flight"),
+            AlignmentMethod::Course => (
+                [&found[..], &at_rest, &moving[1..], &flight, &any[1..]].concat(),
+                "of no use by the course",
+            ),
         };
         if let Some((key, _)) = unused.iter().find(|k| k.1) {
             return error(key, format!("{why}: remove it, or set another alignment.method"));
@@ -70,7 +79,11 @@ impl AlignmentSettings {
         if matches!(c.method, AlignmentMethod::Given | AlignmentMethod::Course) {
             return Ok(None);
         }
-        let moving = c.method == AlignmentMethod::InMotion;
+        let moving = c.method.moving();
+        if moving && c.coarse == Some(CoarseMethod::Analytic) {
+            let text = "analytic needs a vehicle at rest: give optimisation, or velocity-loci";
+            return error("coarse", text.into());
+        }
         let duration = c.duration.map_or(if moving { 240.0 } else { 600.0 }, |d| d.value().si());
         if duration < SHORTEST {
             let text = format!(
@@ -95,6 +108,7 @@ impl AlignmentSettings {
             duration,
             coarse_duration,
             coarse: c.coarse.unwrap_or_default(),
+            formula: c.formula,
             gate: c.heading_gate.map_or_else(|| 1_f64.to_radians(), |g| g.value().si()),
             rest_velocity: if moving { 0.0 } else { rest_velocity },
             max_gap: c.max_gap.map_or(5.0, |g| g.value().si()),
@@ -133,7 +147,9 @@ impl AlignmentSettings {
         let heading = PRIOR * self.heading_error(imu, EARTH_RATE * FRAC_1_SQRT_2);
         let (tilt, least) = match self.method {
             // an error of the velocity's scale factor is one of the coarse attitude
-            AlignmentMethod::InMotion => (1_f64.to_radians(), 10_f64.to_radians()),
+            AlignmentMethod::InMotion | AlignmentMethod::InFlight => {
+                (1_f64.to_radians(), 10_f64.to_radians())
+            }
             AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => {
                 (0.05_f64.to_radians(), 1_f64.to_radians())
             }
@@ -177,6 +193,7 @@ mod tests {
             duration: 2.0 * time,
             coarse_duration: time,
             coarse: CoarseMethod::default(),
+            formula: None,
             gate: 0.01,
             rest_velocity: sway,
             max_gap: 5.0,

@@ -233,15 +233,21 @@ fn an_alignment_in_motion_is_tried_until_it_settles_and_doubted_once() {
     says(start.message(20.0, 0.5), Level::Info, "aligned, in-motion, 20 s");
 }
 
+/// A receiver with velocity and position.
+const RECEIVER: &str = "[sensor.fixes]\n";
+
+fn aligner(keys: serde_json::Value, navigation: Navigation) -> Aligner {
+    let config: Alignment = serde_json::from_value(keys).unwrap();
+    let settings = AlignmentSettings::new(&config, (0.0, 0.0)).unwrap().unwrap();
+    Aligner::new(&config, settings, ("imu".to_owned(), imu(&json!({}))), navigation)
+}
+
 #[test]
 fn the_velocity_sensor_is_the_only_one_or_the_one_that_is_named() {
     let connect = |sensors: &str, velocity: Option<&str>| {
-        let keys = json!({ "method": "in-motion", "velocity": velocity });
         let bench = Bench::with(sensors, &[]);
-        let config: Alignment = serde_json::from_value(keys).unwrap();
-        let settings = AlignmentSettings::new(&config, (0.0, 0.0)).unwrap().unwrap();
-        let imu = ("imu".to_owned(), imu(&json!({})));
-        let mut aligner = Aligner::new(&config, settings, imu, bench.navigation);
+        let keys = json!({ "method": "in-motion", "velocity": velocity });
+        let mut aligner = aligner(keys, bench.navigation);
         let composition = &bench.composition;
         aligner.connect(&composition.sensors).map_err(|error| error.to_string())?;
         let sensed = aligner.sensed.unwrap();
@@ -254,8 +260,37 @@ fn the_velocity_sensor_is_the_only_one_or_the_one_that_is_named() {
     assert_eq!(connect(MOUNTED, Some("speeds")), found("speeds"));
     let error = connect(MOUNTED, None).unwrap_err();
     assert!(error.contains("more than one sensor measures the velocity"), "{error}");
+    // velocities to north and east are none in the axes of the vehicle
+    assert_eq!(connect(RECEIVER, None), found("speeds"));
+    let error = connect(RECEIVER, Some("fixes")).unwrap_err();
+    assert!(error.contains("alignment.method = \"in-flight\""), "{error}");
     let error = connect("", Some("dvl")).unwrap_err();
     assert!(error.contains("no [sensor.dvl]"), "{error}");
     // the IMU corrects nothing
     assert!(connect("", Some("imu")).is_err());
+}
+
+#[test]
+fn an_alignment_in_flight_takes_the_velocities_of_its_receiver_if_there_are_any() {
+    let bench = Bench::with(RECEIVER, &[]);
+    let (sensors, navigation) = (&bench.composition.sensors, bench.navigation);
+    let mut connected = aligner(json!({ "method": "in-flight" }), navigation);
+    connected.connect(sensors).unwrap();
+    let sensed = connected.sensed.unwrap();
+    assert_eq!(sensed.velocity.map(|(index, _)| index), bench.composition.sensor("fixes"));
+    let (channels, formula) = sensed.gnss.unwrap();
+    assert_eq!((channels.position, channels.velocity, formula), (3, Some(0), Formula::Velocity));
+    let bare = Channels { position: 0, velocity: None };
+    for (stated, with, without) in [
+        (None, Some(Formula::Velocity), Some(Formula::Position)),
+        (Some("velocity"), Some(Formula::Velocity), None),
+        (Some("position"), Some(Formula::Position), Some(Formula::Position)),
+    ] {
+        let aligner = aligner(json!({ "method": "in-flight", "formula": stated }), navigation);
+        assert_eq!(aligner.formula(channels).ok(), with, "{stated:?}");
+        assert_eq!(aligner.formula(bare).ok(), without, "{stated:?}");
+    }
+    let mut alone = aligner(json!({ "method": "in-flight" }), navigation);
+    let error = alone.connect(&Bench::new(&[]).composition.sensors).unwrap_err().to_string();
+    assert!(error.contains("such as [sensor.gnss]"), "{error}");
 }

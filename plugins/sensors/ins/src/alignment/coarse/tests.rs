@@ -17,8 +17,13 @@ fn at_rest(coarse: &str) -> (CoarseAlignment, CoarseSolution, UnitQuaternion<f64
     });
     let settings = AlignmentSettings::new(&serde_json::from_value(keys).unwrap(), (0.0, 0.0));
     let settings = settings.unwrap().unwrap();
-    let sensed =
-        Sensed { navigation: bench.navigation, imu: imu(&json!({})), driver: 0, velocity: None };
+    let sensed = Sensed {
+        navigation: bench.navigation,
+        imu: imu(&json!({})),
+        driver: 0,
+        velocity: None,
+        gnss: None,
+    };
     let mut search = CoarseAlignment::new(layout, &state, bench.navigation);
     let attitude = UnitQuaternion::from_euler_angles(0.1, -0.2, 1.0);
     let earth = LocalEarth::at(45_f64.to_radians(), 100.0);
@@ -125,7 +130,8 @@ fn with_velocity(causes: Causes, velocity: f64) -> Result<CoarseSolution, Alignm
         "gyro_noise": format!("{:e} rad/s/sqrt(Hz)", noise[0].max(1e-12)),
         "accel_noise": format!("{:e} m/s^2/sqrt(Hz)", noise[1].max(1e-12)),
     }));
-    let sensed = Sensed { navigation: bench.navigation, imu, driver: 0, velocity: None };
+    let sensed =
+        Sensed { navigation: bench.navigation, imu, driver: 0, velocity: None, gnss: None };
     let mut search = CoarseAlignment::new(layout, &state, bench.navigation);
     let earth = LocalEarth::at(45_f64.to_radians(), 100.0);
     let w = earth.earth_rate();
@@ -201,7 +207,8 @@ fn moving(
     let [driver, speeds] = ["imu", name].map(|name| composition.sensor(name).unwrap());
     let Role::Measurement(model) = &composition.sensors[speeds].role else { panic!("it measures") };
     let velocity = Some((speeds, model.clone()));
-    let sensed = Sensed { navigation: bench.navigation, imu: imu(&json!({})), driver, velocity };
+    let sensed =
+        Sensed { navigation: bench.navigation, imu: imu(&json!({})), driver, velocity, gnss: None };
     let mut search = CoarseAlignment::new(layout, &state, bench.navigation);
     let mut take = |eighths: i64, sensor: usize, channels: &[f64]| {
         let time = state.time + Span::from_nanos(eighths * 125_000_000);
