@@ -28,7 +28,10 @@ fn generated() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     for (name, log) in vehicle::logs() {
         // the definitions of a ULog, and some messages
         let size = if name == "ulog" { 2600 } else { 900 };
-        files.push((name, "good-begin.bin", log[..log.len().min(size)].to_vec()));
+        // NovAtel has a form in text and a binary one
+        let binary = name == "novatel" && log[0] == 0xaa;
+        let file = if binary { "good-binary.bin" } else { "good-begin.bin" };
+        files.push((name, file, log[..log.len().min(size)].to_vec()));
     }
     let messages = recorder::usual(4);
     for (name, packing) in [

@@ -244,7 +244,8 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     part.samples.line().iter().for_each(|line| out.line(line));
     if let Some(clock) = stream.and_then(|s| s.clock) {
         out.line(&format!("# {}", clock.describe()));
-        if part.samples.clock.is_some() {
+        let given = part.found.sensor.iter().any(|key| key.starts_with("time_offset"));
+        if part.samples.clock.is_some() && !given {
             let sigma = (2.0 * clock.offset[1]).max(0.005);
             out.line(&format!("time_offset = {{ sigma = \"{sigma:.3} s\" }}"));
         }
@@ -411,7 +412,8 @@ fn vehicles(out: &mut Text, recording: &Recording) {
         }
         out.line(&format!("file = {}", path(first)));
         out.line(&format!("format = \"{}\"", format.name()));
-        if format == Format::Vectornav {
+        let timed = |part: &&Part| part.found.source.iter().any(|key| key.starts_with("interval"));
+        if format == Format::Vectornav && !parts.iter().any(timed) {
             out.ask("interval = \"10 ms\"", "the messages have no time");
         }
         for part in &parts {

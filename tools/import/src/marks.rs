@@ -38,8 +38,7 @@ const LONG: [Mark; 25] = [
 
 /// Marks of messages of receivers and inertial units, which other bytes may resemble: they name a
 /// file that nothing else recognises.
-const SHORT: [Mark; 4] = [
-    (0, b"\xaa\x44\x12", "binary logs of NovAtel", "record them as text (ASCII)"),
+const SHORT: [Mark; 3] = [
     (0, b"\xff\x5a", "logs of SBG (sbgECom)", "export them as text with sbgDataParser"),
     (0, b"\x75\x65", "messages of MicroStrain (MIP)", CONVERT),
     (0, b"\xd3\x00", "messages of RTCM", CONVERT),

@@ -205,6 +205,7 @@ impl Recording {
             self.undecided = odometry.map(|odometry| (odometry, file.to_owned()));
             return Ok(true);
         }
+        let noted = self.notes.len();
         let (reader, found) = if rows {
             (Reader::Csv, table::oxts(&navfuse_csv::text(&bytes)))
         } else if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
@@ -214,7 +215,9 @@ impl Recording {
                 navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
             let found = vehicle::sensors(format, bytes, &mut self.notes);
             if found.is_empty() {
-                let text = format!("no known message of the format {}", format.name());
+                let notes = self.notes[noted..].iter().map(|note| format!(": {note}"));
+                let notes: String = notes.collect();
+                let text = format!("no known message of the format {}{notes}", format.name());
                 return Err(StreamError::format(text).in_file(file).with_remedy(
                     "write [source.vehicle-log] into a scenario, and map the fields of its messages",
                 ));
@@ -231,7 +234,8 @@ impl Recording {
             (Reader::Csv, found)
         };
         let kinds: Vec<&str> = found.iter().map(|found| found.kind).collect();
-        self.contents.push((file.to_owned(), kinds.join(", ")));
+        let has = [&[kinds.join(", ")], &self.notes[noted..]].concat().join(": ");
+        self.contents.push((file.to_owned(), has));
         for mut found in found {
             let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
             let is_reference = stem.is_some_and(|s| s.contains("reference") || s.contains("truth"));

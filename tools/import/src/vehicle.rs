@@ -2,6 +2,7 @@
 
 use crate::found::Found;
 use navfuse_core::document::quoted;
+use navfuse_frames::Stamp;
 use navfuse_vehicle_logs::{Format, Options, Topic};
 use std::io::Cursor;
 
@@ -49,7 +50,8 @@ const CHOICES: [Choice; 6] = [
             ("GPS", Some("GPA")),
             ("NAV-PVT", None),
             ("PVTGeodetic", None),
-            ("BESTPOS", None),
+            ("BESTPOS", Some("BESTVEL")),
+            ("VNGPS", None),
         ],
     ),
     (
@@ -62,6 +64,7 @@ const CHOICES: [Choice; 6] = [
             ("INSPVAX", None),
             ("INSPVA", None),
             ("INSPVAS", None),
+            ("VNINS", None),
             ("SBET", None),
         ],
     ),
@@ -73,7 +76,7 @@ const CHOICES: [Choice; 6] = [
 /// The messages with increments instead of rates; `IMU` of KF-GINS alone.
 const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "PSINS"];
 /// The receivers with a velocity.
-const MOVING: [&str; 7] = [
+const MOVING: [&str; 8] = [
     "sensor_gps",
     "vehicle_gps_position",
     "GPS_RAW_INT",
@@ -81,7 +84,13 @@ const MOVING: [&str; 7] = [
     "GPS",
     "NAV-PVT",
     "PVTGeodetic",
+    "VNGPS",
 ];
+/// The logs of NovAtel without gravity and without the Earth's rate.
+const CORRECTED: [&str; 4] = ["CORRIMUDATA", "CORRIMUDATAS", "CORRIMUS", "IMURATECORRIMUS"];
+/// Seconds of a week, and the intervals, s, at which an inertial unit may write.
+const WEEK: f64 = 604_800.0;
+const INTERVALS: std::ops::RangeInclusive<f64> = 2e-4..=1.0;
 /// Pressure, hPa, that no weather makes: a metre of water below the highest one.
 const WET: f64 = 1185.0;
 
@@ -110,9 +119,11 @@ fn measures(topic: &Topic, values: &[f64]) -> bool {
 
 /// The sensors in the beginning of the log of a vehicle, and notes.
 pub fn sensors(format: Format, beginning: Vec<u8>, notes: &mut Vec<String>) -> Vec<Found> {
-    let mut decoder = format.decoder(Cursor::new(beginning), &Options::default());
+    // with this interval the stamps of messages without a time are their number
+    let options = Options { interval: Some(1), ..Options::default() };
+    let mut decoder = format.decoder(Cursor::new(beginning), &options);
     // a topic of ULog may be subscribed without a message
-    let (mut values, mut seen) = (Vec::new(), Vec::new());
+    let (mut values, mut seen, mut counted) = (Vec::new(), Vec::new(), Vec::new());
     while let Ok(Some(record)) = decoder.next(&mut values) {
         if seen.len() <= record.topic {
             seen.resize(record.topic + 1, None);
@@ -120,11 +131,32 @@ pub fn sensors(format: Format, beginning: Vec<u8>, notes: &mut Vec<String>) -> V
         let measures = || measures(&decoder.topics()[record.topic], &values);
         let before = seen[record.topic].unwrap_or_default();
         seen[record.topic] = Some(before || measures());
+        let week = decoder.topics()[record.topic].fields.first().is_some_and(|f| f == "tow");
+        if let (true, Stamp::Date(count)) = (week && format == Format::Vectornav, record.stamp) {
+            counted.push((count, values[0]));
+        }
     }
     let topics = decoder.topics().iter().zip(&seen);
     let topics: Vec<Seen<'_>> =
         topics.filter_map(|(topic, seen)| seen.map(|measures| Seen { topic, measures })).collect();
-    CHOICES.iter().filter_map(|choice| sensor(format, choice, &topics, notes)).collect()
+    let sensors = CHOICES.iter().filter_map(|choice| sensor(format, choice, &topics, notes));
+    let mut sensors: Vec<Found> = sensors.collect();
+    let corrected = topics.iter().filter(|t| CORRECTED.contains(&t.topic.name.as_str()));
+    notes.extend(corrected.map(|t| {
+        let name = &t.topic.name;
+        format!("{name} is not used: it lacks gravity and the Earth's rate; record RAWIMUSX")
+    }));
+    if let Some((first, interval)) = sensors.first_mut().zip(interval(&counted)) {
+        first.source.push(format!("interval = \"{interval:.9} s\""));
+    }
+    sensors
+}
+
+/// The interval, s, of messages without a time, by the numbers of messages at seconds of the week.
+fn interval(counted: &[(i64, f64)]) -> Option<f64> {
+    let ((first, begin), (last, end)) = (*counted.first()?, *counted.last()?);
+    let interval = (end - begin).rem_euclid(WEEK) / (last - first) as f64;
+    INTERVALS.contains(&interval).then_some(interval)
 }
 
 fn sensor(
@@ -156,7 +188,8 @@ fn sensor(
             instances.len()
         ));
     }
-    if let Some(with) = with.filter(|with| has(with)) {
+    let with = with.filter(|with| has(with));
+    if let Some(with) = with {
         text += &format!(", with = {}", quoted(with));
     }
     text += " }";
@@ -166,7 +199,13 @@ fn sensor(
         ));
     }
     let increments = INCREMENTS.contains(message) || format == Format::KfGins;
-    let sensor = if increments { vec!["output = \"increments\"".to_owned()] } else { Vec::new() };
-    let velocity = MOVING.contains(message);
+    let mut sensor = Vec::new();
+    if increments {
+        sensor.push("output = \"increments\"".to_owned());
+    } else if *message == "VNGPS" {
+        // it has the time of the message before it, and is late by what the receiver needs
+        sensor.push("time_offset = { sigma = \"0.1 s\" }".to_owned());
+    }
+    let velocity = MOVING.contains(message) || with == Some("BESTVEL");
     Some(Found { kind, sensor, source: vec![text], questions, velocity })
 }

@@ -24,7 +24,7 @@ pub enum Format {
     Ulog,
     /// MAVLink telemetry log.
     Tlog,
-    /// ASCII logs of NovAtel receivers.
+    /// Logs of NovAtel receivers, ASCII and binary.
     Novatel,
     /// ASCII messages of VectorNav units.
     Vectornav,

@@ -289,6 +289,18 @@ const KNOWN: &[Known] = &[
             ],
         ),
     ),
+    valid(
+        "computed",
+        1.0,
+        known(
+            "BESTVEL",
+            &[
+                entry("vel_n", Term::Component(0, "speed", "course", DEGREE), 1.0),
+                entry("vel_e", Term::Component(1, "speed", "course", DEGREE), 1.0),
+                field("vel_d", "vel_u", -1.0),
+            ],
+        ),
+    ),
     known("VNIMU", VECTORNAV),
     known("VNYMR", VECTORNAV),
     known(
@@ -298,6 +310,38 @@ const KNOWN: &[Known] = &[
             field("heading", "yaw", DEGREE),
             field("pitch", "pitch", DEGREE),
             field("roll", "roll", DEGREE),
+        ],
+    ),
+    valid(
+        "fix",
+        2.0,
+        known(
+            "VNGPS",
+            &[
+                field("lat", "lat", DEGREE),
+                field("lon", "lon", DEGREE),
+                field("height", "alt", 1.0),
+                field("vel_n", "vel_n", 1.0),
+                field("vel_e", "vel_e", 1.0),
+                field("vel_d", "vel_d", 1.0),
+                entry("h_acc", Term::MeanSquare("n_acc", "e_acc"), 1.0),
+                field("v_acc", "v_acc", 1.0),
+                field("s_acc", "s_acc", 1.0),
+            ],
+        ),
+    ),
+    known(
+        "VNINS",
+        &[
+            field("lat", "lat", DEGREE),
+            field("lon", "lon", DEGREE),
+            field("height", "alt", 1.0),
+            field("vel_n", "vel_n", 1.0),
+            field("vel_e", "vel_e", 1.0),
+            field("vel_d", "vel_d", 1.0),
+            field("roll", "roll", DEGREE),
+            field("pitch", "pitch", DEGREE),
+            field("yaw", "yaw", DEGREE),
         ],
     ),
     known("IMU", INCREMENTS),

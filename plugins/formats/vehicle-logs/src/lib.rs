@@ -4,8 +4,8 @@
 //! |---|---|---|
 //! | `ulog` | PX4 | any topic, by the formats in the log itself |
 //! | `tlog` | ground stations of MAVLink | inertial units, receivers, attitude, position, pressure, ranges |
-//! | `novatel` | NovAtel SPAN, ASCII | RAWIMU, INSPVA and BESTPOS in their forms |
-//! | `vectornav` | VectorNav, ASCII | VNYMR, VNIMU |
+//! | `novatel` | NovAtel SPAN, ASCII and binary | RAWIMU, INSPVA, BESTPOS and BESTVEL in their forms |
+//! | `vectornav` | VectorNav, ASCII | VNYMR, VNIMU, VNGPS, VNINS |
 //! | `sbet` | Applanix, `navfuse export` | a trajectory |
 //! | `kf-gins` | KF-GINS, binary | increments of an inertial unit |
 //! | `dataflash` | ArduPilot | any message, by the formats in the log itself |

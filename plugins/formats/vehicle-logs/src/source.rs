@@ -75,7 +75,7 @@ impl VehicleLog {
                 "the format has no time",
                 "set the time between two messages, such as interval = \"5 ms\"",
             ),
-            Format::Ulog | Format::Dataflash if self.time.origin.is_some() => (
+            Format::Ulog | Format::Dataflash | Format::Vectornav if self.time.origin.is_some() => (
                 "time.origin",
                 "times of the format count from the start of the vehicle, not from a date",
                 "set time.offset instead",

@@ -238,15 +238,64 @@ pub fn telemetry_of_flight(seconds: u32) -> Vec<u8> {
     log
 }
 
+/// The CRC of NovAtel's logs.
+fn span_crc(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |c, _| {
+            if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }
+        })
+    })
+}
+
 /// An ASCII log of NovAtel with this text.
 pub fn novatel(mark: char, text: &str) -> String {
-    let sum =
-        text.bytes().fold(0_u32, |crc, byte| {
-            (0..8).fold(crc ^ u32::from(byte), |c, _| {
-                if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }
-            })
-        });
-    format!("{mark}{text}*{sum:08x}\r\n")
+    format!("{mark}{text}*{:08x}\r\n", span_crc(text.as_bytes()))
+}
+
+/// A binary log of NovAtel with a long header, or with a short one for a measurement of the unit.
+fn oem7(id: u16, millis: u32, content: &[u8]) -> Vec<u8> {
+    let (length, week) = (content.len() as u16, 2212_u16.to_le_bytes());
+    let id_bytes = id.to_le_bytes();
+    let mut log = if id == 1462 {
+        [&[0xaa, 0x44, 0x13, length as u8][..], &id_bytes, &week, &millis.to_le_bytes()].concat()
+    } else {
+        let [low, high] = length.to_le_bytes();
+        let head =
+            [0xaa, 0x44, 0x12, 28, id_bytes[0], id_bytes[1], 0, 32, low, high, 0, 0, 100, 180];
+        [&head[..], &week, &millis.to_le_bytes(), &[0; 8]].concat()
+    };
+    log.extend(content);
+    let sum = span_crc(&log);
+    log.extend(sum.to_le_bytes());
+    log
+}
+
+/// The logs of [`span`] in binary form, and one of another kind.
+pub fn binary_span(seconds: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    let doubles =
+        |values: &[f64]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
+    for k in 0..100 * seconds {
+        let (millis, time) = (336_000_000 + 10 * k, 336_000.0 + 0.01 * f64::from(k));
+        let counts = [-43_110_635, 817_242, -202_184, 215, -(k as i32), 9895];
+        let counts: Vec<u8> = counts.iter().flat_map(|n: &i32| n.to_le_bytes()).collect();
+        let head = [&[0, 11][..], &2212_u16.to_le_bytes(), &time.to_le_bytes(), &[0; 4]].concat();
+        log.extend(oem7(1462, millis, &[head, counts].concat()));
+        if k % 100 == 0 {
+            let place = doubles(&[47.4, 8.5, 400.25]);
+            let motion = doubles(&[5.0, -0.5, 0.25, 1.5, -2.5, 90.0]);
+            let solution = [&[0; 8][..], &place, &floats(&[47.5]), &motion, &[0; 44]].concat();
+            log.extend(oem7(1465, millis, &solution));
+            let sigmas = floats(&[0.03, 0.04, 0.06]);
+            let position =
+                [&[0; 8][..], &place, &floats(&[47.5]), &[0; 4], &sigmas, &[0; 20]].concat();
+            log.extend(oem7(42, millis, &position));
+            log.extend(oem7(43, millis, &[0xaa; 60]));
+            let velocity = [&[0; 16][..], &doubles(&[10.0, 90.0, 0.5]), &[0; 4]].concat();
+            log.extend(oem7(99, millis, &velocity));
+        }
+    }
+    log
 }
 
 /// Raw measurements at 100 Hz and solutions at 1 Hz of a NovAtel receiver.
@@ -264,6 +313,24 @@ pub fn span(seconds: u32) -> Vec<u8> {
             let position = "SOL_COMPUTED,NARROW_INT,47.4,8.5,400.25,47.5,WGS84,0.03,0.04,0.06,\
                             \"\",0,0,20,20,20,0,0,06,00,03";
             text += &novatel('#', &format!("BESTPOSA,{header};{position}"));
+        }
+    }
+    text.into_bytes()
+}
+
+/// Measurements of a VectorNav unit, and a fix after every twentieth one.
+pub fn vectornav_with_fixes(count: u32) -> Vec<u8> {
+    let mut text = String::new();
+    let mut add = |content: String| {
+        text += &format!("${content}*{:02X}\r\n", content.bytes().fold(0, |sum, b| sum ^ b));
+    };
+    for k in 0..count {
+        add("VNIMU,+0.1,-0.2,+0.3,+00.100,-00.200,-09.800,+0.001,-0.02,+0.03,+25,+101".to_owned());
+        if k % 20 == 19 {
+            let time = 336_000.0 + 0.005 * f64::from(k);
+            add(format!(
+                "VNGPS,{time:.6},2212,3,12,+47.4,+008.5,+447.75,+005.0,-000.5,-000.25,+3,+4,+6,+0.1,2E-08"
+            ));
         }
     }
     text.into_bytes()
@@ -534,11 +601,12 @@ pub fn psins(count: u32) -> Vec<u8> {
 }
 
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 11] {
+pub fn logs() -> [(&'static str, Vec<u8>); 12] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
         ("novatel", span(1)),
+        ("novatel", binary_span(1)),
         ("vectornav", vectornav(60)),
         ("sbet", sbet(60)),
         ("kf-gins", increments(120)),

@@ -1,8 +1,8 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
 use crate::generate::{
-    dataflash, flight, increments, nucleus, packet, psins, sbet, septentrio, span,
-    telemetry_of_flight, ublox, vectornav,
+    binary_span, dataflash, flight, increments, nucleus, packet, psins, sbet, septentrio, span,
+    telemetry_of_flight, ublox, vectornav, vectornav_with_fixes,
 };
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::Sample;
@@ -235,22 +235,29 @@ fn raw_measurements_of_a_span_are_turned_and_scaled() {
     let keys = "sensors.imu = { message = \"RAWIMUSX\" } # increments\n\
                 sensors.gnss = { message = \"BESTPOS\" }\n\
                 sensors.reference = { message = \"INSPVAX\" }\n";
-    let read = read(&span(3), keys).unwrap();
-    let [gnss, imu, reference] = read.samples.as_slice() else { panic!("three sources") };
-    assert_eq!([imu.len(), gnss.len(), reference.len()], [300, 3, 3]);
-    // HG1700 AG58: 2^-33 rad and 2^-27 ft/s; the log has z, -y, x of axes right, forward, up
-    let (gyro, accel) = (2_f64.powi(-33), 2_f64.powi(-27) * 0.3048);
-    let counts = [7.0, 9895.0, -215.0].map(|n| n * gyro);
-    let speeds = [-817_242.0, -202_184.0, 43_110_635.0].map(|n| n * accel);
-    near(&imu[7], &[counts[0], counts[1], counts[2], speeds[0], speeds[1], speeds[2]], 1e-15);
-    let (lat, lon) = (47.4_f64.to_radians(), 8.5_f64.to_radians());
-    let [roll, pitch, yaw] = [1.5_f64, -2.5, 90.0].map(f64::to_radians);
-    near(&reference[0], &[lat, lon, 447.75, 5.0, -0.5, -0.25, roll, pitch, yaw], 1e-12);
-    let h_acc = (0.5 * (0.03_f64.powi(2) + 0.04_f64.powi(2))).sqrt();
-    near(&gnss[0], &[lat, lon, 447.75, f64::NAN, f64::NAN, f64::NAN, h_acc, 0.06], 1e-12);
-    // week 2212, second 336000: 2022-06-01T21:20:00 of GPS, 18 s before UTC
-    let utc = 1_654_118_400 - 18;
-    assert_eq!(imu[0].time.nanos(), utc * 1_000_000_000);
+    for (log, error) in [(span(3), 1e-12), (binary_span(3), SINGLE)] {
+        let read = read(&log, keys).unwrap();
+        let [gnss, imu, reference] = read.samples.as_slice() else { panic!("three sources") };
+        assert_eq!([imu.len(), gnss.len(), reference.len()], [300, 3, 3]);
+        // HG1700 AG58: 2^-33 rad and 2^-27 ft/s; the log has z, -y, x of axes right, forward, up
+        let (gyro, accel) = (2_f64.powi(-33), 2_f64.powi(-27) * 0.3048);
+        let counts = [7.0, 9895.0, -215.0].map(|n| n * gyro);
+        let speeds = [-817_242.0, -202_184.0, 43_110_635.0].map(|n| n * accel);
+        near(&imu[7], &[counts[0], counts[1], counts[2], speeds[0], speeds[1], speeds[2]], 1e-15);
+        let (lat, lon) = (47.4_f64.to_radians(), 8.5_f64.to_radians());
+        let [roll, pitch, yaw] = [1.5_f64, -2.5, 90.0].map(f64::to_radians);
+        near(&reference[0], &[lat, lon, 447.75, 5.0, -0.5, -0.25, roll, pitch, yaw], 1e-12);
+        let h_acc = (0.5 * (0.03_f64.powi(2) + 0.04_f64.powi(2))).sqrt();
+        near(&gnss[0], &[lat, lon, 447.75, f64::NAN, f64::NAN, f64::NAN, h_acc, 0.06], error);
+        // week 2212, second 336000: 2022-06-01T21:20:00 of GPS, 18 s before UTC
+        let utc = 1_654_118_400 - 18;
+        assert_eq!(imu[0].time.nanos(), utc * 1_000_000_000);
+    }
+    let keys = "sensors.gnss = { message = \"BESTPOS\", with = \"BESTVEL\" }";
+    let gnss = &read(&binary_span(3), keys).unwrap().samples[0];
+    let velocity = [3, 4, 5].map(|k| gnss[1].get(k).unwrap());
+    assert!((velocity[0].abs() < 1e-12) && (velocity[1] - 10.0).abs() < 1e-12, "{velocity:?}");
+    assert_eq!(velocity[2], -0.5);
     // the example in NovAtel's manual
     let manual =
         b"%RAWIMUSXA,1692,484620.664;00,11,1692,484620.664389000,00801503,43110635,-817242,\
@@ -267,6 +274,19 @@ fn messages_without_a_time_have_the_interval_that_the_scenario_gives() {
     near(&imu[3], &[0.003, -0.02, 0.03, 0.1, -0.2, -9.8], 1e-15);
     near(&compass[3], &[90.5_f64.to_radians()], 1e-15);
     assert_eq!((imu.len(), imu[59].time.nanos()), (60, 59 * 5_000_000));
+}
+
+#[test]
+fn a_fix_between_messages_without_a_time_has_the_time_of_the_newest_one() {
+    let keys = "interval = \"5 ms\"\nsensors.imu = { message = \"VNIMU\" }\n\
+                sensors.gnss = { message = \"VNGPS\" }";
+    let samples = read(&vectornav_with_fixes(60), keys).unwrap().samples;
+    let [gnss, imu] = samples.as_slice() else { panic!("two sources") };
+    let times: Vec<i64> = gnss.iter().map(|s| s.time.nanos() / 5_000_000).collect();
+    assert_eq!((imu.len(), imu[59].time.nanos(), times), (60, 59 * 5_000_000, vec![19, 39, 59]));
+    let (lat, lon) = (47.4_f64.to_radians(), 8.5_f64.to_radians());
+    let h_acc = (0.5 * (9.0 + 16.0_f64)).sqrt();
+    near(&gnss[0], &[lat, lon, 447.75, 5.0, -0.5, -0.25, h_acc, 6.0, 0.1], 1e-12);
 }
 
 #[test]
