@@ -31,7 +31,10 @@ pub fn status(arguments: &Status) -> Result<ExitCode> {
     let remedy = "; name the folder of a run of `navfuse live`";
     let read = std::fs::read_to_string(&path);
     let text = read.map_err(CommandError::file(&path, "cannot be read", remedy))?;
-    let state: State = serde_json::from_str(&text)?;
+    let state: State = serde_json::from_str(&text).map_err(|e| {
+        let text = format!("{}: not whole: {e}; is the disk full?", path.display());
+        CommandError::Request(text)
+    })?;
     let changed = std::fs::metadata(&path).and_then(|m| m.modified()).ok();
     let age = changed.and_then(|at| SystemTime::now().duration_since(at).ok()).unwrap_or_default();
     if arguments.format == Format::Text {

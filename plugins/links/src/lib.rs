@@ -7,6 +7,7 @@
 
 mod blend;
 mod config;
+mod datagrams;
 mod feed;
 mod instrument;
 mod mavlink;

@@ -12,8 +12,8 @@ pub const PATIENCE: Duration = Duration::from_millis(50);
 /// Pauses between two attempts to open a port: the first one, and the longest.
 const PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5)];
 
-/// Opens a port. Its reads wait for at most [`PATIENCE`].
-pub type Open = Box<dyn FnMut() -> Result<Box<dyn Read + Send>> + Send>;
+/// Opens a port, which may make remarks. Its reads wait for at most [`PATIENCE`].
+pub type Open = Box<dyn FnMut(&Sender<Remark>) -> Result<Box<dyn Read + Send>> + Send>;
 
 /// A remark of a port beside its samples.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +53,7 @@ impl Port {
             std::thread::sleep(wait.min(PATIENCE));
             return Ok(());
         }
-        match (self.open)() {
+        match (self.open)(&self.remarks) {
             Ok(port) => {
                 self.remark(Level::Info, "open");
                 self.port = Some(port);
@@ -112,7 +112,7 @@ mod tests {
     fn a_port_that_is_lost_is_opened_again_and_the_attempts_become_rarer() {
         let (to, remarks) = channel();
         let mut attempts = 0;
-        let open: Open = Box::new(move || {
+        let open: Open = Box::new(move |_| {
             attempts += 1;
             match attempts {
                 1 => Ok(Box::new(&b"first"[..])),

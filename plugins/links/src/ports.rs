@@ -1,18 +1,26 @@
 //! The types of links.
 
 use crate::config::{DvlFormat, Format, NmeaFormat, TimeOfSample};
+use crate::datagrams::Datagrams;
 use crate::feed::PortFeed;
-use crate::port::{Open, PATIENCE, Port};
+use crate::port::{Open, PATIENCE, Port, Remark};
 use navfuse_core::model::stream::{Feed, StreamError};
 use navfuse_core::plugin::{LinkType, OpenContext};
 use navfuse_frames::TimeConfig;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use socket2::{SockRef, TcpKeepalive};
 use std::io::{self, Read};
-use std::net::{SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};
-use std::sync::mpsc::channel;
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
+use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
+/// Questions to a silent server whether the connection is there: without an answer it is lost after
+/// 9 s.
+const ALIVE: TcpKeepalive = TcpKeepalive::new()
+    .with_time(Duration::from_secs(5))
+    .with_interval(Duration::from_secs(1))
+    .with_retries(4);
 /// Longest time for which a server may take to answer.
 const CONNECT: Duration = Duration::from_secs(1);
 
@@ -85,10 +93,9 @@ impl LinkType for Udp {
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
         let Self { address, nmea, dvl, time, clock, commands } = self;
         let place = resolve(&address)?;
-        let open = move || {
-            let socket = UdpSocket::bind(place)?;
-            socket.set_read_timeout(Some(PATIENCE))?;
-            Ok(Box::new(Datagrams(socket)) as Box<dyn Read + Send>)
+        let open = move |remarks: &Sender<Remark>| {
+            let datagrams = Datagrams::bind(place, remarks.clone())?;
+            Ok(Box::new(datagrams) as Box<dyn Read + Send>)
         };
         let name = format!("udp {address}");
         lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (false, context))
@@ -101,12 +108,7 @@ impl LinkType for Tcp {
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
         let Self { address, nmea, dvl, time, clock, commands } = self;
         let place = resolve(&address)?;
-        let open = move || {
-            let stream = TcpStream::connect_timeout(&place, CONNECT)?;
-            stream.set_read_timeout(Some(PATIENCE))?;
-            stream.set_nodelay(true)?;
-            Ok(Box::new(stream) as Box<dyn Read + Send>)
-        };
+        let open = move |_: &Sender<Remark>| Ok(Box::new(connect(place)?) as Box<dyn Read + Send>);
         let name = format!("tcp {address}");
         lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (true, context))
     }
@@ -122,6 +124,16 @@ impl LinkType for StandardInput {
         let samples = format.samples("standard input", io::stdin(), &to, context)?;
         Ok(Box::new(PortFeed { samples, remarks, waits: true }))
     }
+}
+
+/// Connects to a server. A connection that is gone without a word, since the server lost its power or the
+/// network is cut, fails within 10 s.
+fn connect(place: SocketAddr) -> io::Result<TcpStream> {
+    let stream = TcpStream::connect_timeout(&place, CONNECT)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_nodelay(true)?;
+    SockRef::from(&stream).set_tcp_keepalive(&ALIVE)?;
+    Ok(stream)
 }
 
 /// The feed of a port that is opened again whenever it is lost.
@@ -148,14 +160,16 @@ pub fn resolve(address: &str) -> Result<SocketAddr, StreamError> {
     found.next().ok_or_else(|| wrong(format!("{address:?} is the address of no host")))
 }
 
-/// The datagrams of a socket as one stream. An empty one is no end.
-struct Datagrams(UdpSocket);
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use std::net::TcpListener;
 
-impl Read for Datagrams {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        match self.0.recv(out) {
-            Ok(0) => Err(io::ErrorKind::WouldBlock.into()),
-            received => received,
-        }
+    #[test]
+    fn a_connection_asks_whether_a_silent_server_is_there() {
+        let server = TcpListener::bind("127.0.0.1:0").unwrap();
+        let stream = connect(server.local_addr().unwrap()).unwrap();
+        assert!(SockRef::from(&stream).keepalive().unwrap());
     }
 }

@@ -49,8 +49,9 @@ impl LinkType for Serial {
                 .with_remedy("give the rate of the instrument, such as 115200"));
         }
         let name = format!("serial {device}");
-        let open =
-            move || Ok(Box::new(serial_port(&device, baud, PATIENCE)?) as Box<dyn Read + Send>);
+        let open = move |_: &_| {
+            Ok(Box::new(serial_port(&device, baud, PATIENCE)?) as Box<dyn Read + Send>)
+        };
         lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (false, context))
     }
 }

@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 use std::io::ErrorKind;
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 
 /// Quality of a position in GGA: estimated, by dead reckoning.
 const ESTIMATED: u8 = 6;
@@ -65,13 +65,13 @@ impl SinkType for UdpSink {
         let place = resolve(&self.address)?;
         let own = if place.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
         let socket = UdpSocket::bind(own).map_err(failed)?;
-        socket.connect(place).map_err(failed)?;
         // a full buffer of the network loses a datagram, and does not make the filter wait
         socket.set_nonblocking(true).map_err(failed)?;
         let origin = self.origin.map_or(0, |date| date.nanos);
         let (format, address) = (self.format, self.address);
         Ok(Box::new(Estimates {
             socket,
+            place,
             address,
             format,
             origin,
@@ -87,6 +87,7 @@ impl SinkType for UdpSink {
 /// Sends each estimate.
 struct Estimates {
     socket: UdpSocket,
+    place: SocketAddr,
     address: String,
     format: EstimateFormat,
     /// Nanoseconds since 1970 of the run's zero.
@@ -130,7 +131,7 @@ impl Sink for Estimates {
             (None, EstimateFormat::Json) => motion().json(&mut self.text, time.seconds()),
             (None, EstimateFormat::Nmea) => motion().nmea(&mut self.text, unix),
         };
-        match self.socket.send(bytes) {
+        match self.socket.send_to(bytes, self.place) {
             // nobody listens yet, or the network is gone for a while
             Err(e) if e.kind() == ErrorKind::InvalidInput => {
                 Err(StreamError::network(format!("{}: {e}", self.address)))

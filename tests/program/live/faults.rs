@@ -1,6 +1,6 @@
 //! What goes wrong on a vehicle, each with its outcome.
 
-use super::desk::{Desk, dive, result, sealed, sentences, shifted, stop, warnings};
+use super::desk::{Desk, dive, result, sealed, send, sentences, shifted, stop, warnings};
 use serde_json::Value;
 use std::io::Write;
 use std::net::{TcpListener, UdpSocket};
@@ -179,6 +179,30 @@ fn a_second_publisher_whose_clock_is_an_hour_ahead_is_refused_and_the_first_one_
     });
     assert_eq!(result["states"], dive().states);
     assert!(warnings(&result).contains("dvl: a time stamp is wrong by"), "{}", warnings(&result));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn datagrams_that_the_system_drops_are_reported() {
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let desk = Desk::new(&format!("[link.udp]\naddress = \"127.0.0.1:{port}\"\n"));
+    let live = desk.live(&SPEED);
+    desk.wait_for("it listens", |_| true);
+    let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+    send("-STOP", &live);
+    // far more than any usual buffer holds
+    for _ in 0..20_000 {
+        sender.send_to(&[b'x'; 1024], ("127.0.0.1", port)).unwrap();
+    }
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    send("-CONT", &live);
+    desk.wait_for("a sample", |state| {
+        sender.send_to(&plain("$PNVF,depth,1.0,depth=0.0*1E"), ("127.0.0.1", port)).ok();
+        state["links"][0]["samples"].as_u64().unwrap() > 0
+    });
+    stop(&live);
+    let text = warnings(&result(live.wait_with_output().unwrap()));
+    assert!(text.contains("datagrams dropped: they came faster than they were read"), "{text}");
 }
 
 #[test]

@@ -57,6 +57,9 @@ impl Ekf {
             Rejection::Late if let Some(late) = self.composition.sensors[index].late => {
                 format!("sample rejected: it arrived later than late = {late} allows")
             }
+            Rejection::Late if !self.running() => {
+                format!("sample rejected: {} is before samples that arrived earlier", sample.time)
+            }
             Rejection::Late => {
                 let now = self.state().time;
                 format!("sample rejected: {} is before the state's {now}", sample.time)
