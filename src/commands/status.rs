@@ -53,8 +53,19 @@ fn print(state: &State, age: Duration) {
         false => "running".to_owned(),
     };
     line(format_args!("{}: {now}; {time}; {}", state.name, state.text));
-    let mut rows =
-        table(&["sensor", "state", "Hz", "age, s", "used", "gated", "rejected", "wrong stamps"]);
+    for (what, sigma) in [
+        ("position, m", state.accuracy.position_m),
+        ("velocity, m/s", state.accuracy.velocity_mps),
+        ("attitude, deg", state.accuracy.attitude_deg),
+    ] {
+        if let Some([north, east, down]) = sigma {
+            line(format_args!("1-sigma of the {what}: {north:.3}, {east:.3}, {down:.3}"));
+        }
+    }
+    let [median, most, largest] = state.latency_ms;
+    line(format_args!("latency, ms: median {median:.3}, 99 % {most:.3}, largest {largest:.3}"));
+    let columns = ["sensor", "state", "Hz", "age, s", "NIS", "used", "gated", "rejected"];
+    let mut rows = table(&[&columns[..], &["wrong stamps"]].concat());
     for sensor in &state.sensors {
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1}"));
         rows.add_row([
@@ -62,6 +73,7 @@ fn print(state: &State, age: Duration) {
             words(sensor.state).to_owned(),
             number(sensor.rate_hz),
             number(sensor.age_s),
+            number(sensor.nis),
             sensor.used.to_string(),
             sensor.gated.to_string(),
             sensor.rejected.to_string(),

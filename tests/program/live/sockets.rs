@@ -53,7 +53,7 @@ fn a_recording_is_played_over_udp_and_the_state_of_the_run_is_seen_meanwhile() {
     desk.wait_for("an estimate", |s| s["running"] == true && s["sensors"][0]["state"] == "used");
     let status = navfuse(&["status", &desk.path("live").display().to_string()]);
     assert!(status.status.success());
-    for word in ["running", "imu", "dvl", "used"] {
+    for word in ["running", "imu", "dvl", "used", "NIS", "1-sigma of the position, m: "] {
         assert!(stdout(&status).contains(word), "{}", stdout(&status));
     }
     player.kill().unwrap();

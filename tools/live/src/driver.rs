@@ -1,7 +1,7 @@
 //! The driver of a live run: it owns the clock and the threads.
 
 use crate::error::LiveError;
-use crate::health::{SensorState, Sensors, Status};
+use crate::health::{Accuracy, SensorState, Sensors, Status};
 use crate::latency::Latency;
 use crate::ports::Ports;
 use crate::saver::{CHECKPOINT, STATUS, Saver};
@@ -331,6 +331,7 @@ impl Driver {
             self.report(Level::Warning, about, text);
         }
         let running = self.session.running();
+        let newest = self.session.newest(|epoch| (epoch.state.time.seconds(), Accuracy::of(epoch)));
         let milliseconds = |latency: Duration| latency.as_secs_f64() * 1e3;
         let mut sensors = self.sensors.status(Instant::now(), &verdict);
         for (k, sensor) in sensors.iter_mut().enumerate() {
@@ -342,7 +343,8 @@ impl Driver {
         let status = Status {
             name: self.name.clone(),
             running,
-            time_s: self.session.newest(|epoch| epoch.state.time.seconds()),
+            time_s: newest.map(|(time, _)| time),
+            accuracy: newest.map_or(Accuracy::default(), |(_, accuracy)| accuracy),
             sensors,
             verdict: verdict.level,
             text: verdict.text,

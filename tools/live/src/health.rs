@@ -3,14 +3,18 @@
 use crate::delays::ClockStatus;
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
-use navfuse_core::model::record::{Outcome, Record, Wants};
+use navfuse_core::model::record::{Epoch, Outcome, Record, Wants};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Sink, StreamError};
+use navfuse_core::state::Vehicle;
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::Time;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
+
+/// Samples over which the mean NIS reaches.
+const LATEST: f64 = 50.0;
 
 /// State of a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,6 +57,9 @@ pub struct SensorStatus {
     /// Samples that arrived while a command had switched it off.
     #[serde(default)]
     pub left_out: u64,
+    /// Mean NIS of its latest samples by their degrees of freedom, about 1 where its noise is right.
+    #[serde(default)]
+    pub nis: Option<f64>,
     /// Usual rate of the samples, Hz.
     pub rate_hz: Option<f64>,
     /// Time since the latest sample, s.
@@ -75,6 +82,35 @@ pub struct LinkStatus {
     pub ended: bool,
 }
 
+/// The 1-sigma of the newest estimate along or about north, east and down, as far as it is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Accuracy {
+    /// Position, m.
+    pub position_m: Option<[f64; 3]>,
+    /// Velocity, m/s.
+    pub velocity_mps: Option<[f64; 3]>,
+    /// Attitude, deg.
+    pub attitude_deg: Option<[f64; 3]>,
+}
+
+impl Accuracy {
+    /// The accuracy of an estimate.
+    pub fn of(epoch: &Epoch<'_>) -> Self {
+        let sigma = |slot: usize| {
+            let first = epoch.layout.blocks[slot].tangent?;
+            Some([0, 1, 2].map(|k| epoch.covariance.sigma(first + k)))
+        };
+        let Vehicle { position, velocity, attitude } = epoch.layout.vehicle();
+        Self {
+            position_m: position.and_then(|block| sigma(block.slot())),
+            velocity_mps: velocity.and_then(|block| sigma(block.slot())),
+            attitude_deg: attitude
+                .and_then(|block| sigma(block.slot()))
+                .map(|sigma| sigma.map(f64::to_degrees)),
+        }
+    }
+}
+
 /// A run while it goes on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Status {
@@ -84,6 +120,9 @@ pub struct Status {
     pub running: bool,
     /// Time of the newest estimate on the run's clock, s.
     pub time_s: Option<f64>,
+    /// Its 1-sigma.
+    #[serde(default)]
+    pub accuracy: Accuracy,
     /// Verdict so far.
     pub verdict: VerdictLevel,
     /// Verdict so far, in one line.
@@ -193,6 +232,7 @@ impl Sink for Sensors {
             }
             Record::Update(update) => {
                 let status = &mut sensors[update.sensor.0].status;
+                status.judged(update.nis / update.channels().count().max(1) as f64);
                 match update.outcome {
                     Outcome::Accepted | Outcome::Placed => {}
                     Outcome::Gated => status.turn(SensorState::Gated),
@@ -209,6 +249,14 @@ impl Sink for Sensors {
 }
 
 impl SensorStatus {
+    /// Takes the NIS of a sample by its degrees of freedom.
+    fn judged(&mut self, nis: f64) {
+        if nis.is_finite() {
+            let mean = self.nis.unwrap_or(nis);
+            self.nis = Some(mean + (nis - mean) / LATEST);
+        }
+    }
+
     /// Counts the latest sample as one that was not used.
     fn turn(&mut self, state: SensorState) {
         self.used = self.used.saturating_sub(1);

@@ -18,7 +18,7 @@ mod stamps;
 pub use delays::ClockStatus;
 pub use driver::{Options, Watch, run};
 pub use error::LiveError;
-pub use health::{LinkStatus, SensorState, SensorStatus, Status};
+pub use health::{Accuracy, LinkStatus, SensorState, SensorStatus, Status};
 pub use latency::Latency;
 pub use live::{Live, Newest};
 pub use saver::{CHECKPOINT, STATUS, read_checkpoint};
