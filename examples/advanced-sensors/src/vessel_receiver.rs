@@ -20,6 +20,7 @@ impl VesselReceiver {
             vertical_noise: self.noise,
             velocity_noise: None,
             accuracy_factor: Positive::from_si(1.0),
+            accuracy_floor: None,
             bias: Calibration::default(),
             lever_arm: LeverArm { initial: Some(Triple::new(mast)), ..LeverArm::default() },
             navigation: navfuse_ins::default_name(),

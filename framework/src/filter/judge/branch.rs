@@ -140,6 +140,13 @@ impl Branch {
         self
     }
 
+    /// Notes that the sensor was found to be wrong before, and agrees only since the filter knows no better:
+    /// both cases are equally likely.
+    pub(super) fn even(mut self) -> Self {
+        (self.odds, self.began) = (0.0, 0.0);
+        self
+    }
+
     /// Probability that the sensor is wrong.
     pub(super) fn weight(&self) -> f64 {
         1.0 / (1.0 + (-self.odds).exp())

@@ -175,25 +175,25 @@ impl Ekf {
         }
     }
 
-    /// Adds the priors to the covariance, where all that the filter knows beyond them comes from samples
-    /// of this sensor that were wrong. Returns the new NIS.
+    /// Adds the priors of what this sensor measures to the covariance: its samples before were wrong. Where
+    /// no other sensor was used, nothing is known beyond any prior. Returns the new NIS.
     fn forget(&mut self, index: usize, nis: f64) -> f64 {
         let Parts { estimate, sensors, .. } = &mut self.parts;
+        let update = &mut self.work.update;
         let others = || sensors.iter().enumerate().filter(|(k, _)| *k != index);
-        if others().any(|(_, slot)| slot.lockout.was_used()) {
-            return nis;
-        }
+        let alone = !others().any(|(_, slot)| slot.lockout.was_used());
+        let forgotten = |row: usize| alone || update.columns.contains(&row);
         let (values, covariance) = (&estimate.state.values, &mut estimate.covariance);
         let blocks = self.layout.blocks.iter().filter(|b| b.estimated() && b.label.is_none());
         for block in blocks {
             let (range, prior) = (block.tangent_range(), block.prior(values));
-            for (i, row) in range.clone().enumerate() {
-                for (j, column) in range.clone().enumerate() {
+            for (i, row) in range.clone().enumerate().filter(|(_, row)| forgotten(*row)) {
+                for (j, column) in range.clone().enumerate().filter(|(_, c)| forgotten(*c)) {
                     covariance.set(row, column, covariance.get(row, column) + prior[(i, j)]);
                 }
             }
         }
-        self.work.update.innovate(covariance).unwrap_or(nis)
+        update.innovate(covariance).unwrap_or(nis)
     }
 
     /// Frees the position along the channels that contradict it, so that the sample replaces it there

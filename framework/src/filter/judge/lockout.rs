@@ -363,13 +363,23 @@ impl Lockout {
             self.isolation = None;
             return Verdict::Pass;
         }
+        let lasts = lasted >= recovery.isolate.value().si();
+        if contradicted && lasts && evidence.passes {
+            let text = format!(
+                "the sensor was isolated for {lasted:.0} s; the uncertainty of the filter has grown by so much \
+                 that it contradicts the sensor no longer: it is used again, and the sigma contains both cases"
+            );
+            find(sample, Severity::Doubtful, text, SENSOR, observer);
+            self.isolation = None;
+            return Verdict::Try;
+        }
         if contradicted || !sample.nis.is_finite() {
             return Verdict::Isolate;
         }
         let follows = self.outnumbers(count, evidence);
         if follows {
             self.follow(sample, since, count, observer);
-        } else if lasted >= recovery.isolate.value().si() {
+        } else if lasts {
             let text = format!(
                 "the sensor contradicts the filter since {since} and was isolated for {lasted:.0} s; \
                  the covariance is inflated and this sample used"

@@ -129,8 +129,8 @@ impl Excess {
                  now on, and follows the innovations"
             ),
             remedy: format!(
-                "state a noise {factor:.1} times as large, or accuracy_factor where the receiver \
-                 reports its accuracy"
+                "state a noise {factor:.1} times as large; where the receiver reports its accuracy, use \
+                 accuracy_factor, or accuracy_floor if only the best accuracies are too small"
             ),
         }
     }

@@ -26,6 +26,7 @@ impl Ekf {
     pub(in crate::filter) fn part(&mut self, doubt: Option<Branch>, verdict: Verdict) {
         let branch = match (doubt, verdict) {
             (Some(branch), Verdict::Adopt) => branch.refused(),
+            (Some(branch), Verdict::Try) => branch.even(),
             (Some(branch), Verdict::Pass) => branch,
             _ => return,
         };

@@ -108,8 +108,8 @@ pub struct Recovery {
     /// Action: `inflate`, `accept`, `report` or `obey`.
     #[serde(default)]
     pub action: Action,
-    /// Longest isolation of a sensor that no other sensor contradicts, before the covariance is
-    /// inflated and the sensor used.
+    /// Isolation of a sensor that no other sensor contradicts, before the covariance is inflated and the
+    /// sensor used. One that others contradict is used after this time, once it passes the gate.
     #[serde(default = "five_minutes")]
     pub isolate: Positive<Duration>,
 }

@@ -47,6 +47,9 @@ pub struct Gnss {
     /// Default: 1.
     #[serde(default = "one")]
     pub accuracy_factor: Positive<Ratio>,
+    /// Smallest 1-sigma of each axis, however small an accuracy the receiver reports, such as
+    /// `{ horizontal = "1 cm", vertical = "2 cm" }`. Default: none.
+    pub accuracy_floor: Option<AccuracyFloor>,
     /// Slowly varying error of the position, north, east, down: atmosphere, orbits, multipath. With
     /// a `correlation_time` it is a Gauss-Markov process. Default: zero.
     #[serde(default)]
@@ -57,6 +60,29 @@ pub struct Gnss {
     /// Process whose motion the receiver measures.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
+}
+
+/// Smallest accuracies that are taken from a receiver; one that is not given has no bound.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct AccuracyFloor {
+    /// 1-sigma of north and of east.
+    pub horizontal: Option<Positive<Length>>,
+    /// 1-sigma of the height.
+    pub vertical: Option<Positive<Length>>,
+    /// 1-sigma of each velocity.
+    pub velocity: Option<Positive<Speed>>,
+}
+
+impl AccuracyFloor {
+    /// m, m, m/s.
+    fn si(self) -> [f64; 3] {
+        [
+            self.horizontal.map_or(0.0, |sigma| sigma.value().si()),
+            self.vertical.map_or(0.0, |sigma| sigma.value().si()),
+            self.velocity.map_or(0.0, |sigma| sigma.value().si()),
+        ]
+    }
 }
 
 fn one() -> Positive<Ratio> {
@@ -104,6 +130,7 @@ impl SensorType for Gnss {
             vertical: self.vertical_noise.value().si(),
             velocity: self.velocity_noise.map_or_else(Vector3::zeros, |noise| noise.value().si()),
             accuracy_factor: self.accuracy_factor.value().si(),
+            accuracy_floor: self.accuracy_floor.unwrap_or_default().si(),
         };
         composer.mounted(Mounting::at(model.lever_arm));
         Ok(match self.velocity_noise {
@@ -127,6 +154,8 @@ pub struct GnssModel {
     /// 1-sigma, m/s.
     velocity: Vector3<f64>,
     accuracy_factor: f64,
+    /// Horizontal, vertical, m, and of the velocity, m/s.
+    accuracy_floor: [f64; 3],
 }
 
 impl GnssModel {
@@ -149,19 +178,20 @@ impl GnssModel {
         x.get(self.navigation.velocity) + x.get(self.navigation.attitude) * rotation
     }
 
-    /// The accuracy that the receiver reports in a channel, scaled, if it is there and positive.
-    fn reported(&self, x: &View<'_, f64>, channel: usize) -> Option<f64> {
-        x.channel(channel)
+    /// The accuracy `k` of horizontal, vertical and velocity that the receiver reports, scaled and not
+    /// below its floor, if it is there and positive. The reported ones begin at the channel `first`.
+    fn reported(&self, x: &View<'_, f64>, first: usize, k: usize) -> Option<f64> {
+        x.channel(first + k)
             .filter(|accuracy| *accuracy > 0.0)
-            .map(|accuracy| accuracy * self.accuracy_factor)
+            .map(|accuracy| f64::max(accuracy * self.accuracy_factor, self.accuracy_floor[k]))
     }
 
     /// Sigma of latitude and longitude (rad) and height (m): `sigma_L = sigma / (R_N + h)`,
     /// `sigma_lon = sigma / ((R_E + h) cos L)` (Groves eq. 2.111 read as differentials). Reported
     /// accuracies begin at the channel `first`.
     fn position_sigma(&self, x: &View<'_, f64>, first: usize) -> [f64; 3] {
-        let horizontal = self.reported(x, first).unwrap_or(self.horizontal);
-        let vertical = self.reported(x, first + 1).unwrap_or(self.vertical);
+        let horizontal = self.reported(x, first, 0).unwrap_or(self.horizontal);
+        let vertical = self.reported(x, first, 1).unwrap_or(self.vertical);
         let at = x.get(self.navigation.position);
         let (r_n, r_e) = radii_of_curvature(at.latitude);
         let cos = at.latitude.cos().abs();
@@ -210,7 +240,7 @@ impl MeasurementModel<6> for GnssModel {
 
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 6, 6> {
         let p = self.position_sigma(x, 6);
-        let v = self.reported(x, 8).map_or(self.velocity, Vector3::repeat);
+        let v = self.reported(x, 6, 2).map_or(self.velocity, Vector3::repeat);
         SMatrix::from_diagonal(&SVector::from([p[0], p[1], p[2], v.x, v.y, v.z].map(|s| s * s)))
     }
 

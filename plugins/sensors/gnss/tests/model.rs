@@ -247,6 +247,23 @@ fn the_accuracy_that_the_receiver_reports_takes_the_place_of_the_noise() {
     assert_eq!(sigma([0.0, -1.0, f64::NAN]), [1.0, 1.0, 2.0, 0.03, 0.03, 0.05]);
 }
 
+/// The factor comes first: 2 x 4 m and 2 x 0.2 m/s are above their floors, 2 x 5 m is below. Of a sample without
+/// an accuracy the noise counts, which is below them.
+#[test]
+fn a_reported_accuracy_is_never_below_its_floor() {
+    let floor = "sensor.gnss.accuracy_floor={ vertical = '11 m', horizontal = '3 m' }";
+    let bench = bench(&["sensor.gnss.accuracy_factor=2", floor], [0.7, 0.1, 0.0]);
+    let sigma = |accuracy: f64| {
+        let mut fix = sample(&[0.7, 0.1, 0.0, 3.0, -2.0, 0.5]);
+        [4.0, accuracy, 0.2].iter().enumerate().for_each(|(k, a)| fix.set(6 + k, *a));
+        let update = linearise(&bench, &fix);
+        [2, 3].map(|i| (update.r[7 * i].sqrt() * 1e9).round() / 1e9)
+    };
+    assert_eq!(sigma(5.0), [11.0, 0.4]);
+    assert_eq!(sigma(6.0), [12.0, 0.4]);
+    assert_eq!(sigma(-1.0), [2.0, 0.4]);
+}
+
 #[test]
 fn without_a_velocity_noise_there_is_no_velocity() {
     let names = |settings: &[&str]| {
@@ -301,6 +318,7 @@ fn a_wrong_key_or_unit_is_told_with_its_place() {
         ("sensor.gnss.horizontal_noise=1 s", "horizontal_noise"),
         ("sensor.gnss.velocity_noise=-1 m/s", "velocity_noise"),
         ("sensor.gnss.accuracy_factor=0", "accuracy_factor"),
+        ("sensor.gnss.accuracy_floor={ horizontal = '0 m' }", "horizontal"),
         ("sensor.gnss.navigation=imu", "navigation"),
         ("sensor.gnss.noise=1 m", "noise"),
     ] {

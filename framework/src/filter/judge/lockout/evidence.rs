@@ -13,6 +13,8 @@ pub(in crate::filter) enum Verdict {
     Inflate,
     /// The covariance is inflated, although the sensor may be wrong.
     Adopt,
+    /// The sample passes again, although the sensor was found to be wrong.
+    Try,
     /// The covariance is inflated, and the samples before were wrong.
     Follow,
     /// The position is free, and the sample sets it.

@@ -300,6 +300,21 @@ fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
     assert_eq!(wrong.severities(), [Severity::Contained; 2]);
 }
 
+/// The isolation begins at 41 s. Its innovation has not gone: the covariance has grown.
+#[test]
+fn a_sensor_that_was_contradicted_is_tried_again_once_the_filter_knows_no_better() {
+    let mut wrong = Sensor::new(Action::Inflate);
+    let contradicted = Some(true);
+    let last = from(11.0).map(|t| wrong.judge(t, 39.0, 1.0, Evidence { contradicted, ..BAD }));
+    assert_eq!(last.take(31).last(), Some(Verdict::Isolate));
+    assert_eq!(wrong.judge(340.9, 9.0, 1.0, GOOD), Verdict::Isolate);
+    assert_eq!(wrong.judge(342.0, 11.0, 1.0, BAD), Verdict::Isolate);
+    assert_eq!(wrong.judge(343.0, 9.0, 1.0, GOOD), Verdict::Try);
+    assert_eq!(wrong.judge(344.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert_eq!(wrong.severities(), [Severity::Contained, Severity::Doubtful]);
+    assert!(!wrong.lockout.disagrees());
+}
+
 #[test]
 fn a_sensor_that_is_gated_at_the_end_is_warned_of() {
     let mut sensor = Sensor::new(Action::Report);

@@ -1,6 +1,7 @@
 //! Sensors that contradict the filter, as a car with a receiver meets them: what the filter keeps, follows
 //! and takes back. Each fault is varied in size, time, rate and channel.
 
+use crate::aiding::DIVE;
 use crate::aiding::bench::{Trial, run};
 use navfuse_core::model::record::finding::Severity;
 
@@ -176,5 +177,22 @@ fn a_filter_that_was_wrong_in_an_outage_follows_the_fixes_after_it() {
         let trial = car(seed, &[outage, &fault]);
         is_right(&trial, 0.15, &fault);
         assert!(trial.errors.outcomes["gnss accepted"] > 460, "{:?}", trial.errors.outcomes);
+    }
+}
+
+/// The first fix is 31 to 930 m off, and a wide prior lets it pass. The DVL and the depth sensor know the motion
+/// well, so that every further fix contradicts the filter: ten of them outvote each one that was wrong.
+#[test]
+fn a_first_fix_that_is_an_outlier_does_not_lock_out_the_good_ones() {
+    for size in ["1 arcsec", "-30 arcsec"] {
+        let fault = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"bias\", to = \"11.5 s\", size = \"{size}\", channels \
+             = [\"lat\"] }}]"
+        );
+        let prior = "process.ins.position={ sigma = \"2 km\" }";
+        let trial = run(DIVE, &["estimator.stop=160 s", prior, &fault]);
+        let (sigmas, outcomes) = (trial.errors.final_largest(), &trial.errors.outcomes);
+        assert!(sigmas.0 <= 3.5, "{size}: {sigmas:?}");
+        assert!(outcomes["gnss accepted"] >= 149 - 2 - 20, "{size}: {outcomes:?}");
     }
 }
