@@ -9,7 +9,7 @@ use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
 use navfuse_campaign::variation;
 use navfuse_core::plugin::Registry;
-use navfuse_report::compare::{Comparison, Run, page, plots};
+use navfuse_report::compare::{Comparison, Run, apart, page, plots};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -26,10 +26,11 @@ Examples:
   navfuse compare dive.toml --vary \"sensor.dvl.noise=5 mm/s,1 cm/s,5 cm/s\"
   navfuse compare dive.toml --vary sensor.gnss.enabled=true,false
 
-The command prints the keys in which the scenarios differ, the counts of the sensors, and every \
-state at the end: error, rms error, 1-sigma, and the difference from the first run with its \
-sigma. It writes compare.html, a page that draws the curves of all runs together, and \
-compare.rrd, the same curves on one timeline for the rerun viewer. Each scenario or log brings \
+The command prints the keys in which the scenarios differ, the states that differ most in sigma, \
+the counts of the sensors, and every state at the end: error, rms error, 1-sigma, and the \
+difference from the first run with its sigma. It writes compare.html, a page that draws the \
+curves of all runs together, and compare.rrd, the same curves on one timeline for the rerun \
+viewer, with the vehicles of all runs in one scene. Each scenario or log brings \
 its own sources and samples.")]
 pub struct Compare {
     /// Two or more runs: logs (MCAP), folders with a run.mcap, or scenarios (TOML), which the command
@@ -173,15 +174,19 @@ fn gather(
 
 /// Writes the page, and the recording where navfuse has the viewer; returns their paths.
 fn write(comparison: &Comparison, runs: &[Run], folder: &Path) -> Result<Vec<PathBuf>> {
-    let figures = plots::figures(runs);
+    let (largest, figures) = (apart::figure(runs), plots::figures(runs));
     let path = folder.join("compare.html");
-    output::write(&path, &page::comparison(comparison, &figures)?)?;
+    output::write(&path, &page::comparison(comparison, largest.as_ref(), &figures)?)?;
     #[cfg(feature = "rerun")]
     {
+        use navfuse_report::compare::overview;
+        use navfuse_viewer::figures::{Overview, record};
         let recording = folder.join("compare.rrd");
         let letters: Vec<&str> = runs.iter().map(|r| r.letter.as_str()).collect();
         let name = format!("comparison of {}", letters.join(", "));
-        navfuse_viewer::figures::record(&recording, &name, &plots::tracks(runs), &figures)?;
+        let tracks = plots::tracks(runs);
+        let overview = Overview { page: &overview::page(comparison), figure: largest.as_ref() };
+        record(&recording, &name, Some(&overview), &tracks, &figures)?;
         Ok(vec![path, recording])
     }
     #[cfg(not(feature = "rerun"))]

@@ -86,7 +86,7 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     {
         let path = out.join("figures.rrd");
         let figures: Vec<_> = figures.into_iter().map(|(_, figure)| figure).collect();
-        navfuse_viewer::figures::record(&path, "figures of Pan & Wu (2016)", &[], &figures)?;
+        navfuse_viewer::figures::record(&path, "figures of Pan & Wu (2016)", None, &[], &figures)?;
         output::line(path.display());
     }
     Ok(ExitCode::SUCCESS)

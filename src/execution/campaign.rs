@@ -335,6 +335,7 @@ fn draw(
             navfuse_viewer::figures::record(
                 &path,
                 &format!("{} {}", campaign.scenario, kind.name),
+                None,
                 &[],
                 &figures,
             )?;

@@ -6,7 +6,11 @@ use super::terminal::{Detail, Tone};
 use super::{line, marked_line, marked_table, right, table};
 use navfuse_report::compare::{Comparison, RunResult, StateResult};
 
-/// Prints the comparison: runs, differing keys, sensors, states, and the verdicts.
+/// Number of states in the table of the largest differences.
+const STATES: usize = 5;
+
+/// Prints the comparison: runs, differing keys, states that differ most, sensors, states, and the
+/// verdicts.
 pub fn tables(comparison: &Comparison) {
     if !Detail::is_quiet() {
         for run in &comparison.runs {
@@ -14,6 +18,7 @@ pub fn tables(comparison: &Comparison) {
         }
         line("");
         keys(comparison);
+        differences(comparison);
         results(comparison);
         sensors(comparison);
         states(comparison);
@@ -42,6 +47,23 @@ fn keys(comparison: &Comparison) {
         rows.add_row(std::iter::once(key.key.clone()).chain(key.values.iter().map(shown)));
     }
     line(format_args!("{rows}\n"));
+}
+
+fn differences(comparison: &Comparison) {
+    let first = comparison.runs.first().map_or("", |r| r.letter.as_str());
+    let mut rows = table(&["largest difference", "run", "in sigma", "at"]);
+    for largest in comparison.differences.iter().take(STATES) {
+        rows.add_row([
+            largest.state.clone(),
+            format!("{} - {first}", largest.run),
+            format!("{:.2}", largest.sigmas),
+            format!("{:.1} s", largest.time_s),
+        ]);
+    }
+    if !comparison.differences.is_empty() {
+        right(&mut rows, 2..4);
+        line(format_args!("{rows}\n"));
+    }
 }
 
 fn results(comparison: &Comparison) {

@@ -248,6 +248,18 @@ fn a_pair_that_differs_in_one_key_shows_that_key_first_and_the_errors_of_both_ru
     };
     close("difference", b - a);
     close("difference_sigma", s.hypot(t));
+    // what differs comes first, the largest first, and no state ends farther apart than that
+    let differences = result["differences"].as_array().expect("differences");
+    let sizes = differences.iter().map(|d| d["sigmas"].as_f64().expect("a number").abs());
+    assert!(sizes.is_sorted_by(|a, b| a >= b), "{differences:?}");
+    for state in result["states"].as_array().expect("states") {
+        let run = &state["runs"][1];
+        let end = run["difference"].as_f64().zip(run["difference_sigma"].as_f64());
+        let largest = differences.iter().find(|d| d["state"] == state["state"]);
+        let Some((difference, sigma)) = end.filter(|e| e.1 > 0.0) else { continue };
+        let largest = largest.and_then(|d| d["sigmas"].as_f64()).expect("a largest difference");
+        assert!((difference / sigma).abs() <= largest.abs() + 1e-9, "{state}: {largest}");
+    }
     // the logs of the same runs give the same table, and the key is in the first row
     let logs = [&first.1, &second.1];
     let output = navfuse(&["compare", logs[0], logs[1], "--no-output"]);
@@ -259,6 +271,8 @@ fn a_pair_that_differs_in_one_key_shows_that_key_first_and_the_errors_of_both_ru
     // every figure and every key is on the page
     let page = read(&Path::new(&out).join("compare.html"));
     assert!(page.contains("sensor.dvl.noise") && page.contains("B - A"));
+    let at = |heading: &str| page.find(&format!("<h2>{heading}</h2>")).expect("a heading");
+    assert!(at("Runs") < at("What differs") && at("What differs") < at("Sensors"));
     assert!(page.matches("<svg").count() >= 10, "{}", page.matches("<svg").count());
     assert!(!page.contains("no data") && !page.contains("NaN"));
     #[cfg(feature = "rerun")]

@@ -2,6 +2,7 @@
 
 use crate::blueprint::{Layout, height};
 use crate::innovation::SensorSeries;
+use crate::map::{self, Graticule};
 use crate::rig::Mount;
 use crate::run::Run;
 use crate::samples::SampleSeries;
@@ -19,11 +20,6 @@ use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D,
 use re_sdk_types::blueprint::components::BackgroundKind;
 use re_sdk_types::components::{self, Plane3D};
 
-/// The span of a track on the map, pixels.
-const MAP_PIXELS: f64 = 350.0;
-/// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
-/// over the 256 pixels of the one tile.
-const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
 /// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
 /// fits into a view of 2 asin(1 / 2.3), 52 degrees.
 const EYE: f32 = 2.3;
@@ -120,7 +116,8 @@ impl Layout {
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
         let track = run.track.as_ref().map(|track| {
-            let view = Spatial2DView::new("Track from above, coloured by its sigma");
+            let name = enlarged("From above, coloured by sigma", track, self.ranges);
+            let view = Spatial2DView::new(name.as_str());
             let view = ContainerLike::from(view.with_origin("/plan"));
             if let Some(plan) = crate::plan::Plan::new(&track.extent).filter(|_| self.ranges) {
                 self.set(&view, "VisualBounds2D", plan.bounds());
@@ -178,37 +175,41 @@ impl Layout {
 
     /// The view in three dimensions whose eye follows the vehicle.
     fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
-        let name = match crate::scene::enlargement(track) {
-            enlarged if self.ranges && enlarged > 1.0 => format!("{name}; 3 sigma x {enlarged}"),
-            _ => format!("{name}; 3 sigma"),
-        };
+        let name = enlarged(name, track, self.ranges);
         let view = self.space(&name, &track.extent);
         // a tracked eye has a place of its own: with another position it would not follow
         let spread = track.mounts.iter().any(Mount::is_apart);
         let tracked = if spread { "sensors" } else { "hull" };
-        let eye = EyeControls3D::new()
-            .with_tracking_entity(components::EntityPath::from(format!("/world/vehicle/{tracked}")))
-            .with_eye_up([0.0, 0.0, -1.0]);
-        self.set(&view, "EyeControls3D", eye);
+        self.eye_follows(&view, &format!("/world/vehicle/{tracked}"));
         view
+    }
+
+    /// Lets the eye of a view in three dimensions follow an entity.
+    pub(crate) fn eye_follows(&mut self, view: &ContainerLike, entity: &str) {
+        let eye = EyeControls3D::new()
+            .with_tracking_entity(components::EntityPath::from(entity))
+            .with_eye_up([0.0, 0.0, -1.0]);
+        self.set(view, "EyeControls3D", eye);
     }
 
     /// The views of all tracks in that box: in three dimensions and on the map.
     pub(crate) fn overviews(&mut self, extent: &Extent) -> [ContainerLike; 2] {
         let whole = self.space("3-D track", extent);
-        let map = ContainerLike::from(MapView::new("Map with tiles").with_origin("/map"));
+        let graticule = Graticule::new(extent).filter(|_| self.ranges);
+        let name = graticule.map_or_else(|| "Map".to_owned(), |g| format!("Map, {}", g.title()));
+        let plane = ContainerLike::from(MapView::new(name.as_str()).with_origin("/map"));
         if let Some((middle, side)) = extent.middle().filter(|_| self.ranges) {
             let diagonal =
                 (0..3).map(|k| (extent.high[k] - extent.low[k]).powi(2)).sum::<f32>().sqrt();
             let radius = 0.5 * diagonal.max(side);
             self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
-            self.set(&map, "MapZoom", MapZoom::new(zoom(extent)));
+            self.set(&plane, "MapZoom", MapZoom::new(map::zoom(extent)));
         }
-        [whole, map]
+        [whole, plane]
     }
 
     /// A view in three dimensions with a grid.
-    fn space(&mut self, name: &str, extent: &Extent) -> ContainerLike {
+    pub(crate) fn space(&mut self, name: &str, extent: &Extent) -> ContainerLike {
         let view = ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
         if let Some((_, side)) = extent.middle().filter(|_| self.ranges) {
             let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
@@ -380,22 +381,11 @@ fn eye(middle: [f32; 3], distance: f32) -> EyeControls3D {
         .with_eye_up([0.0, 0.0, -1.0])
 }
 
-/// The zoom of the map at which a track fits: a pixel is `MAP_SCALE cos(latitude) / 2^zoom` metres.
-fn zoom(extent: &Extent) -> f64 {
-    let side = (0..2).map(|k| f64::from(extent.high[k] - extent.low[k])).fold(1.0, f64::max);
-    let metres = MAP_SCALE * extent.latitude.to_radians().cos().abs();
-    (metres * MAP_PIXELS / side).log2().clamp(1.0, 19.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_track_spans_the_intended_pixels_of_the_map() {
-        // at zoom z a pixel is the circumference cos(latitude) / 256 / 2^z metres
-        let extent = Extent { low: [0.0; 3], high: [500.0, 1200.0, 30.0], latitude: 60.0 };
-        let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom(&extent).exp2();
-        assert!((1200.0 / pixel - MAP_PIXELS).abs() < 1e-6, "{pixel} m");
+/// The name of a view with ellipses or ellipsoids, and by how much they are enlarged where the run
+/// is over.
+fn enlarged(name: &str, track: &Motion, over: bool) -> String {
+    match crate::ellipses::enlargement(track) {
+        enlarged if over && enlarged > 1.0 => format!("{name}; 3 sigma x {enlarged}"),
+        _ => format!("{name}; 3 sigma"),
     }
 }

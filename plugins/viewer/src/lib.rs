@@ -13,6 +13,8 @@
 //! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |
 //! | `/world/vehicle/beams/SENSOR` | the beams of a sensor, at their length where its samples give it |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
+//! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipsoids` | 3 sigma along the track, enlarged as the titles name it |
+//! | `/map/graticule` | lines of equal latitude and longitude |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
@@ -36,11 +38,13 @@ mod blueprint;
 pub mod colours;
 mod columns;
 mod derived;
+mod ellipses;
 mod file;
 mod health;
 mod history;
 mod innovation;
 mod live;
+mod map;
 pub mod overlay;
 mod overview;
 mod plan;

@@ -89,7 +89,7 @@ fn write_sensors(
     sensors: &[SensorSeries],
     verdict: Option<&Verdict>,
 ) {
-    page.push_str("\n## Which sensor was bad, and when\n\n");
+    page.push_str("\n### Which sensor was bad, and when\n\n");
     let accused = |lane: &Lane| {
         let named = verdict?.reasons.iter().any(|reason| lane.is_meant_by(&reason.about));
         named.then(|| format!("**{}**, over the run: see the verdict", lane.name))
@@ -197,7 +197,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     let total = shares.len();
     shares.retain(|s| s.1 > CONVERGED);
-    page.push_str("\n## Did it converge\n\n");
+    page.push_str("\n### Did it converge\n\n");
     let answer = match shares.len() {
         0 => "Yes",
         n if n < total => "In part",
@@ -221,7 +221,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
 }
 
 fn write_errors(page: &mut String, blocks: &[BlockSeries], verdict: Option<&Verdict>) {
-    page.push_str("\n## Is the sigma to be believed\n\n");
+    page.push_str("\n### Is the sigma to be believed\n\n");
     let mut errors: Vec<_> = blocks
         .iter()
         .flat_map(|b| (0..b.components.len()).map(move |k| (b, k)))

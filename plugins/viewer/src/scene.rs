@@ -1,6 +1,8 @@
 //! The run in three dimensions and on the map: track, vehicle, uncertainty and sensors.
 
 use crate::colours::ColourScale;
+use crate::ellipses::{self, ELLIPSOID, enlargement};
+use crate::map::Graticule;
 use crate::plan::{self, Plan};
 use crate::recording::Recording;
 use crate::rig;
@@ -15,9 +17,7 @@ use re_sdk_types::components::{Color, FillMode, Radius};
 use re_sdk_types::datatypes::Quaternion;
 
 /// Length of the vehicle, as a share of the longest side of the track.
-const VEHICLE: f32 = 0.09;
-/// Colour of the ellipsoid.
-const ELLIPSOID: [u8; 3] = [86, 180, 233];
+pub const VEHICLE: f32 = 0.09;
 
 /// Records the directions of the axes: x forward (north), y right (east), z down.
 pub fn start(recording: &Recording) -> Result<(), StreamError> {
@@ -35,6 +35,10 @@ pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     if let Some(plan) = Plan::new(&track.extent) {
         plan.draw(recording, &estimate, &truth)?;
     }
+    if let Some(graticule) = Graticule::new(&track.extent) {
+        graticule.draw(recording)?;
+    }
+    ellipses::draw(recording, track)?;
     draw_vehicle(recording, track, VEHICLE * side)
 }
 
@@ -107,11 +111,24 @@ fn draw_estimate(recording: &Recording, estimate: &[Place], level: f32) -> Resul
     recording.log_static(&path(&["map", "marks"]), &marks)
 }
 
-/// A hull that points forward with a fin above it, axes, and the sensors at their lever arms.
+/// The vehicle: a hull, axes, and the sensors at their lever arms.
 fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<(), StreamError> {
-    let scaled = |v: [f32; 3]| v.map(|x| x * length);
     let body = |leaf: &str| path(&["world", "vehicle", leaf]);
-    let hull = [
+    let shades =
+        [[225, 228, 232], [235, 64, 82], [38, 166, 91], [120, 124, 130], [190, 194, 200], [250; 3]];
+    recording.log_static(&body("hull"), &hull(length, shades))?;
+    let axes = [[1.1, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]];
+    let axes = Arrows3D::from_vectors(axes.map(|v| v.map(|x| x * length)))
+        .with_colors(AXES)
+        .with_radii([Radius::new_ui_points(1.6)]);
+    recording.log_static(&body("axes"), &axes)?;
+    rig::draw(recording, &track.mounts, length)
+}
+
+/// A hull of that length, which points forward and has a fin above it. The colours of its corners:
+/// bow, left, right, bottom, top and fin.
+pub fn hull(length: f32, shades: [Colour; 6]) -> Mesh3D {
+    let corners = [
         [0.55, 0.0, 0.0],
         [-0.45, -0.22, 0.0],
         [-0.45, 0.22, 0.0],
@@ -120,27 +137,9 @@ fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<()
         [-0.5, 0.0, -0.3],
     ];
     let faces = [[0, 1, 3], [0, 3, 2], [0, 4, 1], [0, 2, 4], [1, 4, 3], [2, 3, 4], [0, 4, 5]];
-    let grey = [225, 228, 232];
-    let shades = [grey, [235, 64, 82], [38, 166, 91], [120, 124, 130], [190, 194, 200], [250; 3]];
-    let mesh = Mesh3D::new(hull.map(scaled))
+    Mesh3D::new(corners.map(|v| v.map(|x| x * length)))
         .with_triangle_indices(faces)
-        .with_vertex_colors(shades.map(|[r, g, b]| Color::from_rgb(r, g, b)));
-    recording.log_static(&body("hull"), &mesh)?;
-    let axes = [[1.1, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]];
-    let axes = Arrows3D::from_vectors(axes.map(scaled))
-        .with_colors(AXES)
-        .with_radii([Radius::new_ui_points(1.6)]);
-    recording.log_static(&body("axes"), &axes)?;
-    rig::draw(recording, &track.mounts, length)
-}
-
-/// The power of ten by which the ellipsoids are enlarged: 3 sigma of a good run is invisible beside
-/// its track.
-pub fn enlargement(track: &Motion) -> f32 {
-    let Some((_, side)) = track.extent.middle() else { return 1.0 };
-    let later = track.poses.iter().skip(track.poses.len() / 10);
-    let largest = later.flat_map(|p| p.ellipsoid.0).fold(f32::MIN_POSITIVE, f32::max);
-    10f32.powf((0.1 * side / largest).log10().floor()).max(1.0)
+        .with_vertex_colors(shades.map(|[r, g, b]| Color::from_rgb(r, g, b)))
 }
 
 /// Writes poses and ellipsoids; `live` to the viewers alone.

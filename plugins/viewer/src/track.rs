@@ -77,19 +77,23 @@ pub struct Extent {
     pub low: [f32; 3],
     /// Greatest north, east, down, m.
     pub high: [f32; 3],
-    /// Latitude of the first place, deg.
-    pub latitude: f64,
+    /// Least and greatest latitude and longitude, deg.
+    pub geo: [[f64; 2]; 2],
 }
 
 impl Extent {
     /// The box around nothing.
-    pub const NONE: Self =
-        Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], latitude: 0.0 };
+    pub const NONE: Self = Self {
+        low: [f32::INFINITY; 3],
+        high: [f32::NEG_INFINITY; 3],
+        geo: [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]],
+    };
 
     /// Extends the box to a place.
     pub fn include(&mut self, place: &Place) {
-        if self.low[0] > self.high[0] {
-            self.latitude = place.geo[0];
+        for (k, x) in place.geo.iter().enumerate() {
+            self.geo[0][k] = self.geo[0][k].min(*x);
+            self.geo[1][k] = self.geo[1][k].max(*x);
         }
         for (k, x) in place.ned.iter().enumerate() {
             self.low[k] = self.low[k].min(*x);

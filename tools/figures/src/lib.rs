@@ -172,6 +172,8 @@ pub struct TrackPoint {
     pub north_east_down: [f64; 3],
     /// Latitude and longitude, deg.
     pub latitude_longitude: [f64; 2],
+    /// Roll, pitch and yaw, deg, where they are known.
+    pub roll_pitch_yaw: Option<[f64; 3]>,
 }
 
 /// Meaning of a curve. The colours are those of Okabe and Ito, which colour-blind readers can

@@ -180,6 +180,14 @@ impl RunHistory {
         self.blocks.iter().find(|b| b.geodetic)
     }
 
+    /// Returns the attitude of the vehicle: roll, pitch and yaw beside the position.
+    pub fn attitude(&self) -> Option<&BlockHistory> {
+        let owner = |b: &BlockHistory| b.name.rsplit_once('.').map(|(owner, _)| owner.to_owned());
+        let vehicle = owner(self.position()?);
+        let angles = |b: &&BlockHistory| b.components == ["roll", "pitch", "yaw"];
+        self.blocks.iter().filter(angles).find(|b| owner(b) == vehicle)
+    }
+
     /// Finds a block by its name.
     pub fn block(&self, name: &str) -> Option<&BlockHistory> {
         self.blocks.iter().find(|b| b.name == name)

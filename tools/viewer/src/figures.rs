@@ -1,15 +1,21 @@
 //! Figures as a recording: a tab for each figure, and in it a plot for each panel over time.
 //!
+//! Before them stand the overview and the tracks.
+//!
 //! A curve is the entity `/FIGURE/PANEL/CURVE`, an edge of a band `/FIGURE/PANEL/BAND/lower` or
 //! `upper`; a name that is repeated in one place has a number after it. The viewer's plots have
 //! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms. The
 //! title of such a plot has the unit as `[10^y deg]`, and one number of the axis in that unit.
 
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::nalgebra::UnitQuaternion;
 use navfuse_core::units::time::Time;
 use navfuse_figures::{Band, Figure, Look, Panel, Scale, Track};
-use navfuse_rerun::overlay::{self, Overlaid};
-use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Grid, Tabs};
+use navfuse_rerun::overlay::{self, Overlaid, OverlaidPlace};
+use navfuse_rerun::re_sdk::blueprint::{
+    ContainerLike, Grid, Horizontal, Tabs, TextDocumentView, Vertical,
+};
+use navfuse_rerun::re_sdk_types::archetypes::TextDocument;
 use navfuse_rerun::style::{BOUND, Colour, path as entity};
 use navfuse_rerun::{Layout, Live, Recording, Series};
 use std::path::Path;
@@ -26,10 +32,20 @@ const FLATTENED: f64 = 4.0;
 /// figures.
 const TABS: usize = 160;
 
+/// First tab of a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct Overview<'a> {
+    /// Page in Markdown.
+    pub page: &'a str,
+    /// Plots below the page.
+    pub figure: Option<&'a Figure>,
+}
+
 /// Writes figures as a recording for the viewer, with its layout. The viewer lists the recording as
 /// `name`.
 ///
-/// Tracks have the first tab, in three dimensions and on a map.
+/// The overview comes first: its page, beside it the vehicles of all tracks, and its plots. Tracks
+/// have the next tab, in three dimensions and on a map.
 ///
 /// Only panels whose horizontal axis is time are recorded, since the viewer draws series over its
 /// timeline alone. A figure without such a panel has no tab. The viewer draws lines neither dashed
@@ -40,6 +56,7 @@ const TABS: usize = 160;
 pub fn record(
     path: &Path,
     name: &str,
+    overview: Option<&Overview<'_>>,
     tracks: &[Track],
     figures: &[Figure],
 ) -> Result<(), StreamError> {
@@ -49,50 +66,88 @@ pub fn record(
     let tracks: Vec<Overlaid> = tracks.iter().map(overlaid).collect();
     overlay::draw(&recording, &tracks)?;
     layout.span = span(figures);
-    let mut tabs: Vec<ContainerLike> = layout.overlay(&tracks).into_iter().collect();
-    let mut names = Names::default();
+    let mut writer = Writer { recording: &recording, layout, names: Names::default() };
+    let mut tabs = Vec::new();
+    if let Some(overview) = overview {
+        tabs.push(writer.overview(overview, &tracks)?);
+    }
+    tabs.extend(writer.layout.overlay(&tracks));
     let long = figures.iter().map(|f| f.title.chars().count()).sum::<usize>() > TABS;
     for figure in figures {
-        let stem = names.unique(&figure.name);
+        let title = if long || figure.title.is_empty() { &figure.name } else { &figure.title };
+        let pages = writer.pages(figure, 1)?;
+        let several = pages.len() > 1;
+        let named = |(page, name): (Grid, String)| match several {
+            true => page.with_name(name),
+            false => page.with_name(title.as_str()),
+        };
+        let inner: Vec<ContainerLike> = pages.into_iter().map(|page| named(page).into()).collect();
+        match several {
+            true => tabs.push(Tabs::new(inner).with_name(title.as_str()).into()),
+            false => tabs.extend(inner),
+        }
+    }
+    let root = Tabs::new(tabs).into();
+    let messages = writer.layout.messages(root).map_err(|e| recording.error(e))?;
+    recording.last_layout(&messages);
+    recording.close().map(drop)
+}
+
+/// A recording of figures under construction.
+struct Writer<'a> {
+    recording: &'a Recording,
+    layout: Layout,
+    names: Names,
+}
+
+impl Writer<'_> {
+    /// The page, the vehicles beside it, and the plots below.
+    fn overview(
+        &mut self,
+        overview: &Overview<'_>,
+        tracks: &[Overlaid],
+    ) -> Result<ContainerLike, StreamError> {
+        let page = TextDocument::from_markdown(overview.page);
+        self.recording.log_static(&entity(&["overview"]), &page)?;
+        let page = TextDocumentView::new("What differs").with_origin("/overview");
+        let mut top = vec![ContainerLike::from(page)];
+        top.extend(self.layout.vehicles(tracks));
+        let mut rows = vec![Horizontal::new(top).into()];
+        if let Some(figure) = overview.figure {
+            rows.extend(self.pages(figure, 2)?.into_iter().next().map(|page| page.0.into()));
+        }
+        Ok(Vertical::new(rows).with_name("Overview").into())
+    }
+
+    /// The plots of a figure, on pages with their names. A page fills that part of the window's
+    /// height.
+    fn pages(&mut self, figure: &Figure, part: usize) -> Result<Vec<(Grid, String)>, StreamError> {
+        let stem = self.names.unique(&figure.name);
         let panels: Vec<&Panel> =
             figure.panels.iter().filter(|p| p.x.scale == Scale::Time).collect();
         let mut unique = Names::default();
-        let mut pages: Vec<(Grid, String)> = Vec::new();
-        for part in panels.chunks(PLOTS) {
-            let columns = figure.columns.clamp(1, part.len());
-            layout.rows = part.len().div_ceil(columns);
+        let mut pages = Vec::new();
+        for panels in panels.chunks(PLOTS) {
+            let columns = figure.columns.clamp(1, panels.len());
+            self.layout.rows = part * panels.len().div_ceil(columns);
             let mut plots = Vec::new();
             let mut explained = None;
-            for panel in part {
+            for panel in panels {
                 // one legend is enough for successive panels with the same curves
                 let curves = legend(panel);
-                layout.legend = explained.as_ref() != Some(&curves);
+                self.layout.legend = explained.as_ref() != Some(&curves);
                 explained = Some(curves);
                 let parts = [stem.as_str(), &unique.unique(&panel.title)];
-                let range = write(&recording, &parts, panel)?;
+                let range = write(self.recording, &parts, panel)?;
                 let contents = [format!("+ {}/**", entity(&parts))];
-                plots.push(layout.plot(&title(panel, range), &contents, range));
+                plots.push(self.layout.plot(&title(panel, range), &contents, range));
             }
-            let columns = u32::try_from(columns).unwrap_or(1);
-            let page = Grid::new(plots).with_grid_columns(columns);
-            pages.push((page, format!("{} to {}", part[0].title, part[part.len() - 1].title)));
+            let page = Grid::new(plots).with_grid_columns(u32::try_from(columns).unwrap_or(1));
+            let name = format!("{} to {}", panels[0].title, panels[panels.len() - 1].title);
+            pages.push((page, name));
         }
-        let title = if long || figure.title.is_empty() { &figure.name } else { &figure.title };
-        let several = pages.len() > 1;
-        let mut inner = Vec::new();
-        for (page, name) in pages {
-            match several {
-                true => inner.push(page.with_name(name).into()),
-                false => tabs.push(page.with_name(title.as_str()).into()),
-            }
-        }
-        if several {
-            tabs.push(Tabs::new(inner).with_name(title.as_str()).into());
-        }
+        Ok(pages)
     }
-    let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
-    recording.last_layout(&messages);
-    recording.close().map(drop)
 }
 
 /// The first and the last time of the panels over time, ns.
@@ -234,8 +289,17 @@ fn write(
 /// The track of a run as the viewer overlays it.
 fn overlaid(track: &Track) -> Overlaid {
     let places = track.points.iter().filter_map(|p| {
-        let time = Time::from_seconds(p.time)?.nanos();
-        Some((time, p.north_east_down.map(|x| x as f32), p.latitude_longitude))
+        let attitude = p.roll_pitch_yaw.map(|angles| {
+            let [roll, pitch, yaw] = angles.map(f64::to_radians);
+            let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            [q.i, q.j, q.k, q.w].map(|x| x as f32)
+        });
+        Some(OverlaidPlace {
+            time: Time::from_seconds(p.time)?.nanos(),
+            ned: p.north_east_down.map(|x| x as f32),
+            geo: p.latitude_longitude,
+            attitude,
+        })
     });
     let (colour, width) = stroke(track.look);
     Overlaid { name: track.name.clone(), colour, width, places: places.collect() }

@@ -1,18 +1,23 @@
 //! Comparison of runs: the keys in which their scenarios differ, and their results side by side.
 //!
-//! [`Comparison`] holds the numbers. [`plots::figures`] overlays the curves, and
-//! [`page::comparison`] writes both as one page.
+//! [`Comparison`] holds the numbers. [`apart::figure`] plots what differs most, [`plots::figures`]
+//! overlays the curves, and [`page::comparison`] writes all of it as one page. [`overview::page`]
+//! is the first page for a viewer.
 
+pub mod apart;
 mod keys;
+pub mod overview;
 pub mod page;
 pub mod plots;
 
 use crate::history::{BlockHistory, RunHistory, displacement};
+pub use apart::LargestDifference;
 pub use keys::KeyDifference;
 use keys::differences;
 use navfuse_core::document::{Document, DocumentError};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_figures::Look;
 use serde::Serialize;
 
 /// Full turn, deg.
@@ -39,6 +44,8 @@ pub struct Comparison {
     pub runs: Vec<RunResult>,
     /// Keys in which the scenarios differ.
     pub scenario: Vec<KeyDifference>,
+    /// Largest difference of every component of every run from the first run, the largest first.
+    pub differences: Vec<LargestDifference>,
     /// Sensors that corrected the state in any of the runs.
     pub sensors: Vec<SensorResult>,
     /// Components of the states that any of the runs estimated.
@@ -141,6 +148,7 @@ impl Comparison {
         Ok(Self {
             runs: runs.iter().map(RunResult::new).collect(),
             scenario: differences(&scenarios)?,
+            differences: apart::largest(runs),
             sensors: sensors(runs),
             states: states(runs),
         })
@@ -167,6 +175,12 @@ impl RunResult {
             verdict_text: history.verdict.as_ref().map(ToString::to_string),
         }
     }
+}
+
+/// The look of the k-th run: blue, green, vermilion, sky blue and grey. The first two are far from
+/// the orange of the truth and from each other.
+pub(crate) fn look(k: usize) -> Look {
+    Look::Data([0, 2, 1, 3, 4][k % 5])
 }
 
 /// The names that any of the runs has, in the order of the first run that has them.

@@ -9,12 +9,18 @@ use navfuse_figures::{Figure, FigureError};
 
 /// Ratio of a difference to its sigma above which it is marked.
 const LARGE: f64 = 3.0;
+/// Number of states in the table of the largest differences.
+const STATES: usize = 8;
 
-/// Writes the page of a comparison with its figures.
+/// Writes the page of a comparison with the figure of the largest differences, and the others.
 ///
 /// # Errors
 /// Returns an error if the drawing library fails.
-pub fn comparison(comparison: &Comparison, figures: &[Figure]) -> Result<String, FigureError> {
+pub fn comparison(
+    comparison: &Comparison,
+    largest: Option<&Figure>,
+    figures: &[Figure],
+) -> Result<String, FigureError> {
     let names: Vec<&str> = comparison.runs.iter().map(|r| r.letter.as_str()).collect();
     let title = format!("Comparison of {}", names.join(", "));
     let first = names.first().copied().unwrap_or_default();
@@ -22,14 +28,24 @@ pub fn comparison(comparison: &Comparison, figures: &[Figure]) -> Result<String,
         header {
             h1 { (title) }
             nav {
-                a href="#runs" { "Runs" } a href="#scenario" { "Scenario" }
+                a href="#runs" { "Runs" } a href="#differs" { "What differs" }
                 a href="#sensors" { "Sensors" } a href="#states" { "States" }
                 a href="#figures" { "Figures" }
             }
         }
         main {
             section #runs { h2 { "Runs" } (runs(comparison)) }
-            section #scenario { h2 { "What differs in the scenarios" } (keys(comparison)) }
+            section #differs {
+                h2 { "What differs" }
+                (keys(comparison))
+                (differences(comparison, first))
+                @if let Some(figure) = largest {
+                    (picture(&untitled(figure), &html! {
+                        "The states that differ most, all on one scale. Sigma: of the difference of "
+                        "two estimates with independent errors."
+                    })?)
+                }
+            }
             section #sensors { h2 { "Sensors" } (sensors(comparison)) }
             section #states {
                 h2 { "States at the end" }
@@ -43,16 +59,19 @@ pub fn comparison(comparison: &Comparison, figures: &[Figure]) -> Result<String,
             section #figures {
                 h2 { "Figures" }
                 @for figure in figures {
-                    // the heading of a figure is on the page, not in the drawing
-                    @let drawn = Figure { title: String::new(), ..figure.clone() };
                     h3 { (figure.title) }
-                    (picture(&drawn, &html! {})?)
+                    (picture(&untitled(figure), &html! {})?)
                 }
             }
         }
         footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
     };
     Ok(document(&title, &body))
+}
+
+/// The figure without its heading, which is on the page.
+fn untitled(figure: &Figure) -> Figure {
+    Figure { title: String::new(), ..figure.clone() }
 }
 
 fn runs(comparison: &Comparison) -> Markup {
@@ -103,6 +122,30 @@ fn keys(comparison: &Comparison) -> Markup {
                         }
                     }
                 }
+            } }
+        }
+    }
+}
+
+fn differences(comparison: &Comparison, first: &str) -> Markup {
+    html! {
+        @if comparison.differences.is_empty() {
+            p { "The runs have no state and time in common." }
+        } @else {
+            div.wide { table {
+                thead { tr {
+                    th { "state" } th.name { "run" } th { "largest difference" } th { "at" }
+                } }
+                tbody { @for largest in comparison.differences.iter().take(STATES) {
+                    tr.first {
+                        th { (largest.state) }
+                        td.name { (largest.run) " - " (first) }
+                        td.bad[largest.sigmas.abs() > LARGE] {
+                            (format!("{:.2} sigma", largest.sigmas))
+                        }
+                        td { (format!("{:.1} s", largest.time_s)) }
+                    }
+                } }
             } }
         }
     }

@@ -1,13 +1,11 @@
 //! Figures of several runs: their curves one over another, and the differences from the first run.
 
-use super::{Run, between, estimated, title, union};
+use super::apart::{SAME, difference};
+use super::{Run, between, estimated, look, title, union};
 use crate::history::{BlockHistory, Row};
 use crate::plots::{band, bins, close_range, curve, label, over_time, tracks_from};
 use crate::sensors::Consistency;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
-
-/// Times that belong to the same epoch differ by less, s.
-const SAME: f64 = 1e-6;
 
 /// Length of a degree of latitude, m, near enough for the few metres of an error on a map.
 const METRES_PER_DEGREE: f64 = 111_200.0;
@@ -32,9 +30,19 @@ pub fn tracks(runs: &[Run]) -> Vec<Track> {
         let Some(position) = run.history.position() else { continue };
         let (estimate, truth) = tracks_from(position, start);
         let geographic = |r: &Row| Some([*r.estimate.first()?, *r.estimate.get(1)?]);
+        let angles: Vec<&Row> =
+            run.history.attitude().map_or_else(Vec::new, |b| b.shown().collect());
+        let turned = |time: f64| {
+            let row = angles.get(angles.partition_point(|r| r.time < time - SAME))?;
+            row.estimate.first_chunk::<3>().copied()
+        };
         let points = estimate.iter().zip(position.shown()).filter_map(|((time, place), row)| {
-            let latitude_longitude = geographic(row)?;
-            Some(TrackPoint { time: *time, north_east_down: *place, latitude_longitude })
+            Some(TrackPoint {
+                time: *time,
+                north_east_down: *place,
+                latitude_longitude: geographic(row)?,
+                roll_pitch_yaw: turned(*time),
+            })
         });
         let points: Vec<TrackPoint> = points.collect();
         if tracks.iter().all(|t: &Track| t.look != Look::Truth) && !truth.is_empty() {
@@ -48,13 +56,18 @@ pub fn tracks(runs: &[Run]) -> Vec<Track> {
                 let degree = METRES_PER_DEGREE;
                 let latitude_longitude =
                     [latitude - north / degree, longitude - east / (degree * shrunk)];
-                Some(TrackPoint { time: *time, north_east_down: *place, latitude_longitude })
+                Some(TrackPoint {
+                    latitude_longitude,
+                    roll_pitch_yaw: None,
+                    time: *time,
+                    north_east_down: *place,
+                })
             });
             let name = run.history.compared_with().to_owned();
             let points = truth.collect();
             tracks.insert(0, Track { name, look: Look::Truth, points });
         }
-        tracks.push(Track { name: run.letter.clone(), look: Look::Data(k), points });
+        tracks.push(Track { name: run.letter.clone(), look: look(k), points });
     }
     tracks
 }
@@ -75,7 +88,7 @@ fn track(runs: &[Run]) -> Option<Figure> {
             )
         });
         let estimates = tracks.iter().map(|(k, run, (estimate, _))| {
-            curve(&run.letter, Look::Data(*k), estimate.iter().map(|(t, p)| point(*t, *p)))
+            curve(&run.letter, look(*k), estimate.iter().map(|(t, p)| point(*t, *p)))
         });
         truth.into_iter().chain(estimates).collect()
     };
@@ -130,7 +143,7 @@ fn values(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Panel {
         .iter()
         .map(|(i, run, b)| {
             let points = b.shown().filter_map(|r| Some([r.time, value(r)?]));
-            curve(&run.letter, Look::Data(*i), points)
+            curve(&run.letter, look(*i), points)
         })
         .collect();
     if model.constant() && model.compared.is_some() {
@@ -168,7 +181,7 @@ fn differences(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Option<Pane
             continue;
         }
         let name = format!("{} - {}", run.letter, first.1.letter);
-        curves.push(curve(&name, Look::Data(*i), points.iter().map(|p| [p[0], p[1]])));
+        curves.push(curve(&name, look(*i), points.iter().map(|p| [p[0], p[1]])));
         bands.push(Band {
             name: "±3 sigma, independent".into(),
             points: points.iter().map(|[t, _, s]| [*t, -3.0 * s, 3.0 * s]).collect(),
@@ -185,46 +198,11 @@ fn differences(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Option<Pane
     (!curves.is_empty()).then(|| over_time("", y, curves, bands))
 }
 
-/// Time, difference of a component, and the 1-sigma of the difference of independent estimates.
-///
-/// Errors and constants are interpolated to the times of the first run. The estimate of a state
-/// that moves is compared at common times only, since it changes between them.
-fn difference(block: &BlockHistory, first: &BlockHistory, k: usize) -> Vec<[f64; 3]> {
-    let rows: Vec<&Row> = block.shown().collect();
-    let errors = block.compared.is_some() && first.compared.is_some();
-    let smooth = errors || (block.constant() && first.constant());
-    let at = |row: &Row| -> Option<[f64; 3]> {
-        let next = rows.partition_point(|r| r.time < row.time - SAME);
-        let later = rows.get(next)?;
-        let earlier = match (later.time - row.time).abs() < SAME {
-            true => later,
-            false if smooth && next > 0 => &rows[next - 1],
-            false => return None,
-        };
-        let part = if later.time > earlier.time {
-            (row.time - earlier.time) / (later.time - earlier.time)
-        } else {
-            0.0
-        };
-        let mean = |a: f64, b: f64| a + part * (b - a);
-        let value = |r: &Row| {
-            if errors {
-                Some(r.error.get(k)? - row.error.get(k)?)
-            } else {
-                between(block, &r.estimate, &row.estimate, k)
-            }
-        };
-        let sigma = mean(*earlier.sigma.get(k)?, *later.sigma.get(k)?).hypot(*row.sigma.get(k)?);
-        Some([row.time, mean(value(earlier)?, value(later)?), sigma])
-    };
-    first.shown().filter_map(at).collect()
-}
-
 /// The sigmas of a component on a logarithmic scale.
 fn sigmas(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Panel {
     let curves = blocks.iter().map(|(i, run, b)| {
         let points = b.shown().filter_map(|r| Some([r.time, *r.sigma.get(k)?]));
-        curve(&run.letter, Look::Data(*i), points)
+        curve(&run.letter, look(*i), points)
     });
     let y = Axis::logarithmic(label("1-sigma", &blocks[0].2.unit));
     over_time("", y, curves.collect(), Vec::new())
@@ -239,7 +217,7 @@ fn nis(runs: &[Run], name: &str) -> Figure {
         let Some(sensor) = run.history.sensor(name) else { continue };
         let bins = bins(sensor.updates.consistency.rows());
         let mean = bins.iter().map(|c| [middle(c), c.nis / c.expected]);
-        curves.push(curve(&run.letter, Look::Data(k), mean));
+        curves.push(curve(&run.letter, look(k), mean));
         if bands.is_empty() && !bins.is_empty() {
             let edges =
                 bins.iter().filter_map(|c| band(c.expected).map(|[l, h]| [middle(c), l, h]));

@@ -3,9 +3,9 @@
 
 use crate::driver::{self, Layout, Viewer};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
-use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
-use navfuse_rerun::re_sdk_types::archetypes::{Points3D, Scalars};
-use navfuse_viewer::figures::record;
+use navfuse_rerun::re_sdk::{EntityPath, StoreKind, TimelineName};
+use navfuse_rerun::re_sdk_types::archetypes::{Points3D, Scalars, Transform3D};
+use navfuse_viewer::figures::{Overview, record};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -120,7 +120,7 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/figures.rrd");
     let figures = figures();
-    record(&path, "a campaign", &[], &figures).unwrap();
+    record(&path, "a campaign", None, &[], &figures).unwrap();
     let rows = scalars(&path);
     let expected = [
         "consistency/NEES/95 %/lower",
@@ -168,41 +168,56 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
 }
 
 #[test]
-fn the_tracks_of_all_runs_have_a_tab_and_a_mark_that_moves_with_the_time() {
+fn a_comparison_begins_with_its_page_and_the_vehicles_of_all_runs_in_one_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("compare.rrd");
-    let point = |k: i32| TrackPoint {
+    let point = |k: i32, east: f64, roll_pitch_yaw| TrackPoint {
         time: f64::from(k),
-        north_east_down: [10.0 * f64::from(k), 0.0, 5.0],
+        north_east_down: [10.0 * f64::from(k), east, 5.0],
         latitude_longitude: [43.0 + 9e-5 * f64::from(k), 5.0],
+        roll_pitch_yaw,
     };
-    let track = |name: &str, look| Track {
+    let track = |name: &str, look, east, turn| Track {
         name: name.into(),
         look,
-        points: (0..POINTS as i32).map(point).collect(),
+        points: (0..POINTS as i32).map(|k| point(k, east, turn)).collect(),
     };
-    let tracks =
-        [track("truth", Look::Truth), track("A", Look::Data(0)), track("B", Look::Data(1))];
-    record(&path, "two runs", &tracks, &figures()).unwrap();
+    // B is 4 m east of A, and the truth has no attitude
+    let turn = Some([0.0, 0.0, 90.0]);
+    let tracks = [
+        track("truth", Look::Truth, 0.0, None),
+        track("A", Look::Data(0), 0.0, turn),
+        track("B", Look::Data(2), 4.0, turn),
+    ];
+    let figures = figures();
+    let overview = Overview { page: "# A against B", figure: Some(&figures[1]) };
+    record(&path, "two runs", Some(&overview), &tracks, &figures[..1]).unwrap();
     let layout = Layout::read(&path);
-    assert_eq!(layout.pages()[0], ["Track"]);
-    assert!(layout.views.contains_key("3-D track") && layout.views.contains_key("Map with tiles"));
+    let pages = layout.pages();
+    assert_eq!(pages[..2], [["Overview"], ["Track"]], "{pages:?}");
+    let views = ["What differs", "Vehicles of all runs, 8.00 m long", "NEES: NEES / n"];
+    let map = "Map, lines every 0.5' from 43°00.0'N 5°00.0'E";
+    for view in views.iter().chain(&["3-D track", map]) {
+        assert!(layout.views.contains_key(*view), "{view}: {:?}", layout.views.keys());
+    }
     let stores = ChunkStore::from_rrd_reader(
         &ChunkStoreConfig::ALL_DISABLED,
         &mut File::open(path).unwrap(),
     )
     .unwrap();
     let store = stores.values().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
+    let rows = |parts: [&str; 3], component| {
+        let of = |path: &EntityPath| path.iter().map(|p| p.unescaped_str()).eq(parts);
+        let chunks = store.iter_physical_chunks().filter(|c| of(c.entity_path()));
+        let times =
+            chunks.map(|c| c.iter_component_indices(TimelineName::from("t"), component).count());
+        times.sum::<usize>()
+    };
     let positions = Points3D::descriptor_positions().component;
-    for name in ["1 truth", "2 A", "3 B"] {
-        let marks = (store.iter_physical_chunks())
-            .filter(|c| {
-                let parts: Vec<_> = c.entity_path().iter().map(|p| p.unescaped_str()).collect();
-                parts == ["world", name, "now"]
-            })
-            .map(|c| c.iter_component_indices(TimelineName::from("t"), positions).count())
-            .sum::<usize>();
-        assert_eq!(marks, POINTS, "{name}");
+    let places = Transform3D::descriptor_translation().component;
+    for (name, turned) in [("1 truth", 0), ("2 A", POINTS), ("3 B", POINTS)] {
+        assert_eq!(rows(["world", name, "now"], positions), POINTS, "{name}");
+        assert_eq!(rows(["world", name, "vehicle"], places), turned, "{name}");
     }
 }
 
@@ -217,6 +232,7 @@ fn what_has_no_time_breaks_a_line_after_the_point_before() {
     record(
         &path,
         "",
+        None,
         &[],
         &[Figure { name: "f".into(), title: String::new(), columns: 0, panels: vec![panel] }],
     )
@@ -231,9 +247,10 @@ fn what_has_no_time_breaks_a_line_after_the_point_before() {
 fn a_recording_without_figures_opens_and_one_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figures.rrd");
-    record(&path, "nothing", &[], &[]).unwrap();
+    record(&path, "nothing", None, &[], &[]).unwrap();
     assert!(scalars(&path).is_empty());
-    let error = record(Path::new("/dev/full"), "full", &[], &figures()).unwrap_err().to_string();
+    let error =
+        record(Path::new("/dev/full"), "full", None, &[], &figures()).unwrap_err().to_string();
     assert!(error.contains("/dev/full"), "{error}");
 }
 
@@ -246,7 +263,7 @@ fn tabs_have_the_names_of_figures_whose_titles_need_more_than_a_bar() {
             title: "x".repeat(40),
             ..figures().remove(0)
         };
-        record(&path, "", &[], &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
+        record(&path, "", None, &[], &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
         Layout::read(&path).tabs.into_iter().map(|(_, name, _)| name).collect::<Vec<_>>()
     };
     assert!(tabs(4).contains(&"x".repeat(40)));
@@ -259,7 +276,7 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures/figures");
     let path = folder.join("figures.rrd");
-    record(&path, "a campaign", &[], &figures()).unwrap();
+    record(&path, "a campaign", None, &[], &figures()).unwrap();
     let layout = Layout::read(&path);
     let mut viewer = Viewer::start(&program, Some(&path.display().to_string()), &folder);
     // 299 steps of 6.9 s

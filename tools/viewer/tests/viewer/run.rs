@@ -32,7 +32,7 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Overview"],
         &[
-            ("Track from above, coloured by its sigma", &[TRUTH, MARK]),
+            ("From above, coloured by sigma; ", &[TRUTH, MARK]),
             ("Follows the vehicle; ", &[BEAM]),
             ("Verdict and reasons", &[]),
             ("Health of the sensors", &[USED]),
@@ -43,7 +43,7 @@ const PAGES: &[(&[&str], Views)] = &[
         &[
             ("3-D track", &[TRUTH, MARK]),
             ("3-D, follows the vehicle; ", &[BEAM]),
-            ("Map with tiles", &[TRUTH, RED]),
+            ("Map, lines every ", &[TRUTH, RED]),
         ],
     ),
     (
@@ -93,7 +93,7 @@ fn count(picture: &image::RgbImage, colour: [u8; 3]) -> usize {
 /// The least number of pixels: a line crosses a plot of 300 pixels or more, and at least a third of
 /// it is visible between other lines and grid; arrows and marks are 20 pixels or more.
 fn least(view: &str, colour: [u8; 3]) -> usize {
-    let mark = view.starts_with("3-D") || view.starts_with("Track") || view.starts_with("Map");
+    let mark = view.starts_with("3-D") || view.starts_with("From above") || view.starts_with("Map");
     if mark && colour != TRUTH { 20 } else { 100 }
 }
 

@@ -1,0 +1,144 @@
+//! The uncertainty along the track: ellipses of 3 sigma from above and on the map, and ellipsoids in
+//! three dimensions.
+
+use crate::plan;
+use crate::recording::Recording;
+use crate::style::{Colour, path};
+use crate::track::{Motion, Pose};
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::nalgebra::{Matrix2, Quaternion, Rotation3, UnitQuaternion, Vector2};
+use re_sdk_types::archetypes::{Ellipsoids3D, GeoLineStrings, LineStrips2D};
+use re_sdk_types::components::{DrawOrder, FillMode, Radius};
+use re_sdk_types::datatypes;
+use std::f64::consts::TAU;
+
+/// Colour of ellipses and ellipsoids.
+pub const ELLIPSOID: Colour = [86, 180, 233];
+/// Greatest number of ellipses.
+const COUNT: f32 = 24.0;
+/// Number of corners of an ellipse.
+const CORNERS: usize = 32;
+/// Length of a degree of latitude, m: the ellipses are small.
+const METRES_PER_DEGREE: f64 = 111_200.0;
+
+/// The power of ten by which the ellipsoids are enlarged: 3 sigma of a good run is invisible beside
+/// its track.
+pub fn enlargement(track: &Motion) -> f32 {
+    let Some((_, side)) = track.extent.middle() else { return 1.0 };
+    let later = track.poses.iter().skip(track.poses.len() / 10);
+    let largest = later.flat_map(|p| p.ellipsoid.0).fold(f32::MIN_POSITIVE, f32::max);
+    10f32.powf((0.1 * side / largest).log10().floor()).max(1.0)
+}
+
+/// Draws the uncertainty along the track, enlarged as around the vehicle.
+pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
+    let enlarged = enlargement(track);
+    let poses = spaced(&track.poses.iter().collect::<Vec<_>>(), enlarged);
+    let outlines: Vec<_> = poses.iter().map(|p| outline(p, enlarged)).collect();
+    let thin = Radius::new_ui_points(0.6);
+    let above = |(pose, outline): (&Pose, &Vec<[f64; 2]>)| {
+        let [north, east, down] = pose.place.ned;
+        let corner = |p: &[f64; 2]| plan::point([north + p[0] as f32, east + p[1] as f32, down]);
+        outline.iter().map(corner).collect::<Vec<_>>()
+    };
+    let lines = LineStrips2D::new(poses.iter().zip(&outlines).map(above))
+        .with_colors([ELLIPSOID])
+        .with_radii([thin])
+        .with_draw_order(DrawOrder::from(1.0));
+    recording.log_static(&path(&["plan", "ellipses"]), &lines)?;
+    let on_map = |(pose, outline): (&Pose, &Vec<[f64; 2]>)| {
+        let [latitude, longitude] = pose.place.geo;
+        let east = METRES_PER_DEGREE * latitude.to_radians().cos().max(1e-3);
+        let corner = |p: &[f64; 2]| [latitude + p[0] / METRES_PER_DEGREE, longitude + p[1] / east];
+        outline.iter().map(corner).collect::<Vec<_>>()
+    };
+    let lines = GeoLineStrings::from_lat_lon(poses.iter().zip(&outlines).map(on_map))
+        .with_colors([ELLIPSOID])
+        .with_radii([thin]);
+    recording.log_static(&path(&["map", "ellipses"]), &lines)?;
+    let half = poses.iter().map(|p| p.ellipsoid.0.map(|h| h * enlarged));
+    let ellipsoids =
+        Ellipsoids3D::from_centers_and_half_sizes(poses.iter().map(|p| p.place.ned), half)
+            .with_quaternions(poses.iter().map(|p| datatypes::Quaternion::from_xyzw(p.ellipsoid.1)))
+            .with_colors([ELLIPSOID])
+            .with_line_radii([Radius::new_ui_points(0.4)])
+            .with_fill_mode(FillMode::MajorWireframe);
+    recording.log_static(&path(&["world", "ellipsoids"]), &ellipsoids)
+}
+
+/// Poses at equal distances along the track, so far apart that their ellipsoids do not touch.
+fn spaced(poses: &[Pose], enlarged: f32) -> Vec<Pose> {
+    let step = |pair: &[Pose]| {
+        let [a, b] = [pair[0].place.ned, pair[1].place.ned];
+        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+    };
+    let length: f32 = poses.windows(2).map(step).sum();
+    let size = |pose: &Pose| enlarged * pose.ellipsoid.0.into_iter().fold(0.0, f32::max);
+    let mut kept: Vec<Pose> = poses.first().copied().into_iter().collect();
+    let mut travelled = 0.0;
+    for pair in poses.windows(2) {
+        travelled += step(pair);
+        let apart = kept.last().map_or(0.0, |last| size(last) + size(&pair[1]));
+        if travelled >= apart.max(length / COUNT) {
+            kept.push(pair[1]);
+            travelled = 0.0;
+        }
+    }
+    kept
+}
+
+/// The closed outline of the horizontal ellipse, north and east of the place, m: the points `L u` of
+/// all unit vectors `u`, with the Cholesky factor `L` of the horizontal part of the covariance.
+fn outline(pose: &Pose, enlarged: f32) -> Vec<[f64; 2]> {
+    let (half, [x, y, z, w]) = pose.ellipsoid;
+    let [x, y, z, w] = [x, y, z, w].map(f64::from);
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let axes = Rotation3::from(turn);
+    let scaled =
+        |row: usize, axis: usize| axes[(row, axis)] * f64::from(half[axis]) * f64::from(enlarged);
+    let product = |i: usize, j: usize| (0..3).map(|k| scaled(i, k) * scaled(j, k)).sum::<f64>();
+    let horizontal = Matrix2::from_fn(product);
+    let factor = horizontal.cholesky().map_or_else(Matrix2::zeros, |c| c.l());
+    let corner = |k: usize| {
+        let (sin, cos) = (TAU * k as f64 / CORNERS as f64).sin_cos();
+        (factor * Vector2::new(cos, sin)).into()
+    };
+    (0..=CORNERS).map(corner).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::Place;
+
+    fn pose(north: f32, half: [f32; 3], attitude: [f32; 4]) -> Pose {
+        let place = Place { ned: [north, 0.0, 0.0], geo: [0.0; 2], sigma: 0.0 };
+        Pose { time: 0, place, attitude: [0.0, 0.0, 0.0, 1.0], ellipsoid: (half, attitude) }
+    }
+
+    #[test]
+    fn the_outline_from_above_has_the_horizontal_axes_of_the_ellipsoid() {
+        // a quarter turn about the vertical puts the long axis east
+        let half_turn = std::f32::consts::FRAC_1_SQRT_2;
+        let outline = outline(&pose(0.0, [3.0, 1.0, 2.0], [0.0, 0.0, half_turn, half_turn]), 10.0);
+        let largest = |k: usize| outline.iter().map(|p| p[k].abs()).fold(0.0, f64::max);
+        // half axes in single precision
+        assert!(
+            (largest(0) - 10.0).abs() < 1e-4 && (largest(1) - 30.0).abs() < 1e-4,
+            "{outline:?}"
+        );
+        assert_eq!(outline.first(), outline.last());
+    }
+
+    #[test]
+    fn ellipsoids_along_the_track_are_few_and_do_not_touch() {
+        let track = |half: f32| -> Vec<Pose> {
+            (0..1000).map(|k| pose(k as f32, [half; 3], [0.0, 0.0, 0.0, 1.0])).collect()
+        };
+        assert_eq!(spaced(&track(1.0), 1.0).len(), 24);
+        let kept = spaced(&track(50.0), 2.0);
+        assert_eq!(kept.len(), 5);
+        assert!(kept.windows(2).all(|p| p[1].place.ned[0] - p[0].place.ned[0] >= 200.0));
+        assert_eq!(spaced(&[], 1.0).len(), 0);
+    }
+}

@@ -1,0 +1,121 @@
+//! The map: its zoom, and a graticule, which needs no network.
+
+use crate::plan::round;
+use crate::recording::Recording;
+use crate::style::{Colour, path};
+use crate::track::Extent;
+use navfuse_core::model::stream::StreamError;
+use re_sdk_types::archetypes::GeoLineStrings;
+use re_sdk_types::components::Radius;
+
+/// The span of a track on the map, pixels.
+const MAP_PIXELS: f64 = 350.0;
+/// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
+/// over the 256 pixels of the one tile.
+const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
+/// Number of meshes over the longer side, about.
+const MESHES: f64 = 5.0;
+/// Least side of the area, minutes: 2 m.
+const LEAST: f64 = 1e-3;
+/// Colour of the graticule.
+const GRID: Colour = [70, 76, 86];
+
+/// The zoom of the map at which a track fits: a pixel is `MAP_SCALE cos(latitude) / 2^zoom` metres.
+pub fn zoom(extent: &Extent) -> f64 {
+    let side = (0..2).map(|k| f64::from(extent.high[k] - extent.low[k])).fold(1.0, f64::max);
+    let latitude = 0.5 * (extent.geo[0][0] + extent.geo[1][0]);
+    let metres = MAP_SCALE * latitude.to_radians().cos().abs();
+    (metres * MAP_PIXELS / side).log2().clamp(1.0, 19.0)
+}
+
+/// Lines of equal latitude and longitude around a track.
+pub struct Graticule {
+    /// Distance of the lines, minutes.
+    spacing: f64,
+    /// The first and the last line of latitude, and of longitude, in spacings.
+    lines: [[f64; 2]; 2],
+}
+
+impl Graticule {
+    /// The graticule around a track; `None` before the first place, and across the date line.
+    pub fn new(extent: &Extent) -> Option<Self> {
+        let [low, high] = extent.geo.map(|place| place.map(|degrees| 60.0 * degrees));
+        let side = (0..2).map(|k| high[k] - low[k]).fold(LEAST, f64::max);
+        if !(low[0] <= high[0] && side < 60.0 * 180.0) {
+            return None;
+        }
+        let spacing = round(side / MESHES);
+        let lines = [0, 1].map(|k| [(low[k] / spacing).floor(), (high[k] / spacing).ceil()]);
+        Some(Self { spacing, lines })
+    }
+
+    /// The words for a title: the viewer's map draws no labels.
+    pub fn title(&self) -> String {
+        let decimals = (-self.spacing.log10().floor()).max(0.0) as usize;
+        let [latitude, longitude] = self.lines.map(|[first, _]| first * self.spacing);
+        let [latitude, longitude] =
+            [(latitude, ['N', 'S']), (longitude, ['E', 'W'])].map(|(m, s)| angle(m, s, decimals));
+        format!("lines every {:.decimals$}' from {latitude} {longitude}", self.spacing)
+    }
+
+    /// Draws the lines.
+    pub fn draw(&self, recording: &Recording) -> Result<(), StreamError> {
+        let degrees = |line: f64| line * self.spacing / 60.0;
+        let lines = |k: usize| {
+            let [first, last] = self.lines[k];
+            (0..=(last - first) as usize).map(move |n| degrees(first + n as f64))
+        };
+        let [south, north] = self.lines[0].map(degrees);
+        let [west, east] = self.lines[1].map(degrees);
+        let parallels = lines(0).map(|latitude| [[latitude, west], [latitude, east]]);
+        let meridians = lines(1).map(|longitude| [[south, longitude], [north, longitude]]);
+        let lines = GeoLineStrings::from_lat_lon(parallels.chain(meridians))
+            .with_colors([GRID])
+            .with_radii([Radius::new_ui_points(0.5)]);
+        recording.log_static(&path(&["map", "graticule"]), &lines)
+    }
+}
+
+/// An angle in degrees and minutes, such as `43°06.2'N`.
+fn angle(minutes: f64, [positive, negative]: [char; 2], decimals: usize) -> String {
+    let side = if minutes < 0.0 { negative } else { positive };
+    // a whole number of the last decimal
+    let unit = 10f64.powi(decimals as i32);
+    let whole = (minutes.abs() * unit).round();
+    let (degrees, minutes) = ((whole / (60.0 * unit)).floor(), whole % (60.0 * unit) / unit);
+    let width = if decimals > 0 { 3 + decimals } else { 2 };
+    format!("{degrees:.0}°{minutes:0width$.decimals$}'{side}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extent(geo: [[f64; 2]; 2]) -> Extent {
+        Extent { low: [0.0; 3], high: [500.0, 1200.0, 30.0], geo }
+    }
+
+    #[test]
+    fn a_track_spans_the_intended_pixels_of_the_map() {
+        // at zoom z a pixel is the circumference cos(latitude) / 256 / 2^z metres
+        let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom(&extent([[60.0, 0.0]; 2])).exp2();
+        assert!((1200.0 / pixel - MAP_PIXELS).abs() < 1e-6, "{pixel} m");
+    }
+
+    #[test]
+    fn a_graticule_names_its_corner_and_surrounds_the_track() {
+        // 43 deg 6.24' N 5 deg 21.38' W, with a longer side of 1.02'
+        let geo = [[43.104, -5.3733], [43.121, -5.3563]];
+        let graticule = Graticule::new(&extent(geo));
+        let title = graticule.as_ref().map(Graticule::title);
+        assert_eq!(title.as_deref(), Some("lines every 0.5' from 43°06.0'N 5°22.5'W"));
+        assert_eq!(graticule.map(|g| g.lines), Some([[5172.0, 5175.0], [-645.0, -642.0]]));
+        assert!(Graticule::new(&Extent::NONE).is_none());
+    }
+
+    #[test]
+    fn an_angle_rounds_its_minutes_up_to_a_degree() {
+        assert_eq!(angle(59.99999, ['N', 'S'], 1), "1°00.0'N");
+        assert_eq!(angle(-61.0, ['N', 'S'], 0), "1°01'S");
+    }
+}
