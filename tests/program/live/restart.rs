@@ -1,7 +1,8 @@
 //! The end of a run by a signal or by force, and its restart.
 
 use super::desk::{Desk, dive, result, send, sentences, warnings};
-use crate::common::{navfuse, stdout};
+use crate::common::{navfuse, stderr, stdout};
+use navfuse_testing::absent::{Need, skip};
 use serde_json::Value;
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -186,4 +187,24 @@ fn the_signal_hup_begins_a_new_log_file_and_the_run_goes_on() {
     let result = result(live.wait_with_output().unwrap());
     assert_eq!(result["states"], dive().states);
     assert!(desk.path("live/run-0002.mcap").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn the_service_manager_accepts_the_unit_of_the_page() {
+    let page = include_str!("../../../docs/src/how-to/live.md");
+    let unit = page.split("```ini\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let unit = unit.replace("/usr/local/bin/navfuse", env!("CARGO_BIN_EXE_navfuse"));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("navfuse.service");
+    std::fs::write(&path, unit).unwrap();
+    match std::process::Command::new("systemd-analyze").arg("verify").arg(&path).output() {
+        Err(why) => skip(Need::Unix, &format!("systemd-analyze: {why}")),
+        Ok(output) => {
+            let text = stderr(&output);
+            // it also looks at the units of this computer
+            let about = text.lines().find(|line| line.contains("navfuse.service"));
+            assert!(output.status.success() && about.is_none(), "{text}");
+        }
+    }
 }
