@@ -111,6 +111,23 @@ pub fn csv(bytes: &[u8]) -> usize {
     forms.into_iter().flatten().map(count).sum()
 }
 
+/// A recording whose rows name their values: objects of JSON, or lines.
+pub fn labels(bytes: &[u8]) -> usize {
+    let axes = ["x", "y", "z"];
+    let columns = |vector: &str, channel: &str, unit: &str| {
+        let column = |k: usize| json!({ "column": format!("{vector}.{k}"), "unit": unit });
+        (0..3).map(|k| (format!("{channel}_{}", axes[k]), column(k))).collect::<Vec<_>>()
+    };
+    let both = [columns("gyro", "gyro", "rad/s"), columns("accel", "accel", "m/s^2")].concat();
+    let headings = ["t", "gyro.0", "gyro.1", "gyro.2", "accel.0", "accel.1", "accel.2"];
+    let file = json!({
+        "path": "imu.json", "labels": true, "headings": headings, "disorder": "skip",
+        "nan": "missing", "time": { "column": "t", "unit": "s" },
+        "columns": both.into_iter().collect::<serde_json::Map<_, _>>(),
+    });
+    samples::<navfuse_csv::Csv>(json!({ "files": { "imu": file } }), "imu.json", bytes)
+}
+
 /// A file of another program: its recognition, and the samples by which `import` finds units, axes and
 /// clocks.
 pub fn import(bytes: &[u8]) -> usize {

@@ -42,7 +42,7 @@ impl Target {
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
-pub const TARGETS: [Target; 27] = [
+pub const TARGETS: [Target; 28] = [
     target("pd0", 100, memory::pd0),
     target("pd4", 100, memory::pd4),
     target("pd6", 100, memory::pd6),
@@ -66,6 +66,7 @@ pub const TARGETS: [Target; 27] = [
     target("nmea", 4, files::nmea),
     target("bag", 4, files::bag),
     target("csv", 4, files::csv).damaged_by(structured::table),
+    target("labels", 4, files::labels),
     target("import", 2, files::import).damaged_by(structured::table),
     target("mcap", 4, files::mcap),
     target("toml", 2, files::toml).damaged_by(structured::scenario),
