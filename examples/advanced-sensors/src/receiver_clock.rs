@@ -1,6 +1,4 @@
 //! The clock of a receiver: offset and drift, whose truth wanders.
-use navfuse_core::model::simulate::Random;
-use navfuse_core::nalgebra::{Matrix2, Vector2};
 use navfuse_core::prelude::*;
 
 /// Clock of a receiver in metres: its offset, and its drift.
@@ -21,24 +19,8 @@ pub struct ReceiverClock {
 struct Model {
     /// Spectral densities of offset (m^2/s) and drift (m^2/s^3).
     density: [f64; 2],
-    states: [Handle<Scalar>; 2],
-    phi: [PhiSlot<1, 1>; 3],
-    noise: NoiseSlot<2>,
-}
-
-impl Model {
-    /// Covariance of the noise of `dt` seconds (Brown & Hwang, section 9.3).
-    fn covariance(&self, dt: f64) -> Matrix2<f64> {
-        let [offset, drift] = self.density;
-        let cross = drift * dt * dt / 2.0;
-        Matrix2::new(offset * dt + drift * dt.powi(3) / 3.0, cross, cross, drift * dt)
-    }
-
-    fn advance(&self, layout: &Layout, state: &mut State, dt: f64) {
-        let [offset, drift] = self.states;
-        let moved = state.get(layout, offset) + dt * state.get(layout, drift);
-        state.set(layout, offset, &moved);
-    }
+    offset: Handle<Scalar>,
+    drift: Handle<Scalar>,
 }
 
 impl ProcessType for ReceiverClock {
@@ -53,55 +35,29 @@ impl ProcessType for ReceiverClock {
         };
         let offset = state("offset", self.offset.value().si(), "m")?;
         let drift = state("drift", self.drift.value().si(), "m/s")?;
-        let [b, d] = [composer.tangent(offset), composer.tangent(drift)];
-        let t = composer.transition();
-        let phi = [t.phi(b, b), t.phi(b, d), t.phi(d, d)];
         let density =
             [self.offset_noise.value().si().powi(2), self.drift_noise.value().si().powi(2)];
-        let model = Model { density, states: [offset, drift], phi, noise: t.noise(b) };
-        Ok(BuiltProcess::new(model))
+        Ok(composer.step(Model { density, offset, drift }))
     }
 }
 
-impl ProcessModel for Model {
-    fn propagate(
-        &mut self,
-        layout: &Layout,
-        state: &mut State,
-        interval: &Interval<'_>,
-        transition: &mut Transition,
-    ) -> Result<(), ProcessError> {
-        let dt = interval.duration();
-        self.advance(layout, state, dt);
-        for (place, value) in self.phi.iter().zip([1.0, dt, 1.0]) {
-            transition.set(*place, &SMatrix::from([[value]]));
-        }
-        transition.set_noise(self.noise, &self.covariance(dt));
-        Ok(())
-    }
-
-    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
-
-    fn wander(
-        &mut self,
-        layout: &Layout,
-        truth: &mut State,
-        known: &mut [bool],
+/// `Q` is that of Brown & Hwang, section 9.3.
+impl Step for Model {
+    fn step<T: Real>(
+        &self,
+        x: &View<'_, T>,
+        _: Option<&Input<'_>>,
         dt: f64,
-        random: &mut Random,
+        next: &mut Moved<'_, T>,
     ) {
-        self.advance(layout, truth, dt);
-        let white = Vector2::new(random.normal(), random.normal());
-        if let Some(root) = self.covariance(dt).cholesky() {
-            let noise = root.l() * white;
-            for (state, noise) in self.states.iter().zip(&noise) {
-                truth.set(layout, *state, &(truth.get(layout, *state) + noise));
-            }
-        }
-        self.states.iter().for_each(|state| known[state.slot()] = true);
+        let drift = x.get(self.drift);
+        next.set(self.offset, &(x.get(self.offset) + drift * convert(dt)));
+        next.set(self.drift, &drift);
     }
 
-    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-        Box::new(self.clone())
+    fn noise(&self, _: &View<'_, f64>, noise: &mut Densities<'_>) {
+        let [offset, drift] = self.density;
+        noise.white(self.offset, &[offset]);
+        noise.white(self.drift, &[drift]);
     }
 }

@@ -9,7 +9,7 @@ use crate::state::manifold::MAX_TANGENT;
 use crate::state::{BlockSet, Layout, State, View};
 use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::units::time::Time;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use num_dual::Dual64;
 use std::cell::RefCell;
 
@@ -190,10 +190,11 @@ impl<S: Step> ProcessModel for Stepping<S> {
     ) {
         self.moved.iter().for_each(|slot| known[*slot] = true);
         if dt > 0.0 && self.advance(layout, truth, None, dt).is_ok() {
+            let first = self.noise.first;
             let noise = self.noise.draw(random);
             for block in self.moved.iter().map(|slot| &layout.blocks[*slot]) {
-                let Some(row) = block.tangent.map(|row| row - self.noise.first) else { continue };
-                let delta = &noise.as_slice()[row..][..block.operations.tangent];
+                let Some(row) = block.tangent.map(|row| row - first) else { continue };
+                let delta = &noise[row..][..block.operations.tangent];
                 (block.operations.retract)(&mut truth.values[block.range()], delta);
             }
         }
@@ -243,6 +244,8 @@ struct Noise {
     density: DMatrix<f64>,
     product: DMatrix<f64>,
     covariance: DMatrix<f64>,
+    /// A draw from the covariance.
+    drawn: Vec<f64>,
 }
 
 impl Noise {
@@ -254,7 +257,7 @@ impl Noise {
         let at = transition.noise_block(first, size);
         let zeros = || DMatrix::zeros(size, size);
         let (phi, density, product, covariance) = (zeros(), zeros(), zeros(), zeros());
-        Self { first, at, phi, density, product, covariance }
+        Self { first, at, phi, density, product, covariance, drawn: vec![0.0; size] }
     }
 
     /// Integrates `Phi(s) D Phi(s)'` from 0 to `dt` by Simpson's rule, with `Phi(dt/2) = (I +
@@ -287,11 +290,27 @@ impl Noise {
         }
     }
 
-    /// Draws from the covariance, which may be singular.
-    fn draw(&self, random: &mut Random) -> DVector<f64> {
-        let eigen = self.covariance.clone().symmetric_eigen();
-        let root = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-        let white = root.map(|sigma| sigma * random.normal());
-        eigen.eigenvectors * white
+    /// Draws `L n` with white noise `n` from the covariance `L L'`, which may be singular: a column of
+    /// the Cholesky factor `L` is zero where no more than rounding is left of its pivot. The factor
+    /// takes the place of the product.
+    fn draw(&mut self, random: &mut Random) -> &[f64] {
+        let Self { covariance, product: root, drawn, .. } = self;
+        let n = covariance.nrows();
+        drawn.fill(0.0);
+        for j in 0..n {
+            let white = random.normal();
+            let mut pivot = 0.0;
+            for i in j..n {
+                let known = (0..j).map(|k| root[(i, k)] * root[(j, k)]).sum::<f64>();
+                let left = covariance[(i, j)] - known;
+                if i == j {
+                    let rounding = n as f64 * f64::EPSILON * covariance[(j, j)];
+                    pivot = if left <= rounding { 0.0 } else { left.sqrt() };
+                }
+                root[(i, j)] = if pivot == 0.0 { 0.0 } else { left / pivot };
+                drawn[i] += root[(i, j)] * white;
+            }
+        }
+        drawn
     }
 }
