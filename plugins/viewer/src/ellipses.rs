@@ -100,7 +100,7 @@ fn outline(pose: &Pose, enlarged: f32) -> Vec<[f64; 2]> {
     let horizontal = Matrix2::from_fn(product);
     let factor = horizontal.cholesky().map_or_else(Matrix2::zeros, |c| c.l());
     let corner = |k: usize| {
-        let (sin, cos) = (TAU * k as f64 / CORNERS as f64).sin_cos();
+        let (sin, cos) = (TAU * (k % CORNERS) as f64 / CORNERS as f64).sin_cos();
         (factor * Vector2::new(cos, sin)).into()
     };
     (0..=CORNERS).map(corner).collect()
