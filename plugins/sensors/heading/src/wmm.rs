@@ -130,10 +130,10 @@ mod tests {
         (field(&at, year) * 1e9).into()
     }
 
-    /// Test values of NOAA and BGS (technical report, table of test values; the last place of the
-    /// table is 0.1 nT), and the example of MathWorks for `wrldmagm` of 2028-07-04, to 1 nT.
+    /// Values of pygeomag, which reads `WMM.COF` and computes the sum in another way, to 0.1 nT; and
+    /// the example of MathWorks for `wrldmagm` of 2028-07-04, to 1 nT.
     #[test]
-    fn the_model_gives_the_published_test_values() {
+    fn the_model_agrees_with_two_other_programs() {
         for (place, year, expected, rounding) in [
             ([80.0, 0.0, 0.0], 2025.0, [6521.6, 145.9, 54791.5], 0.06),
             ([0.0, 120.0, 0.0], 2025.0, [39677.8, -109.6, -10580.2], 0.06),
@@ -147,7 +147,7 @@ mod tests {
         }
     }
 
-    /// Dip poles of 2025 (technical report, table 4), to 0.001 deg, where the horizontal field changes
+    /// Dip poles of 2025 as they are published with the model, to 0.001 deg, where the horizontal field changes
     /// by less than 1 nT.
     #[test]
     fn the_field_is_vertical_at_the_dip_poles() {
