@@ -35,8 +35,7 @@ pub const PROGRAMS: [Program; 5] = [
         name: "an IMU that counts from its start beside dated fixes",
         write: |recorded, folder| {
             let fixes = table("utc,lat,lon,alt,vn,ve,vd", &recorded["gnss"], |(t, v)| {
-                let c = date(t + DATE);
-                let stamp = format!("{}-{:02}-{:02}T{}Z", c.year, c.month, c.day, clock(t + DATE));
+                let stamp = format!("{}T{}Z", day(t + DATE), clock(t + DATE));
                 format!("{stamp},{},{}", position(v), cells(v[3..6].to_vec()))
             });
             let given = vec![

@@ -105,6 +105,12 @@ fn date(nanos: i64) -> Calendar {
     Calendar::of_unix_nanos(nanos)
 }
 
+/// Year, month and day, as ISO 8601 writes them.
+fn day(nanos: i64) -> String {
+    let c = date(nanos);
+    format!("{:04}-{:02}-{:02}", c.year, c.month, c.day)
+}
+
 fn clock(nanos: i64) -> String {
     let c = date(nanos);
     format!("{:02}:{:02}:{:02}.{:03}", c.hour, c.minute, c.second, c.nanos / 1_000_000)

@@ -122,15 +122,8 @@ pub const PROGRAMS: [Program; 13] = [
                 &recorded["imu"],
                 |(t, v)| {
                     let east = t + DATE + 3_600_000_000_000;
-                    let c = date(east);
-                    format!(
-                        "{:04}-{:02}-{:02}T{}+01:00,{}",
-                        c.year,
-                        c.month,
-                        c.day,
-                        clock(east),
-                        cells(v.iter().copied())
-                    )
+                    let row = cells(v.iter().copied());
+                    format!("{}T{}+01:00,{row}", day(east), clock(east))
                 },
             );
             imu_of(recorded, folder, &text, DATE)
