@@ -164,16 +164,7 @@ impl Mechanisation {
             _ => LatitudeNode::near(latitude),
         };
         let (next, rates) = advance(state, &rotation, &dvel, inc.dt, &node);
-        let p = &next.position;
-        // A sum is finite only if all of its terms are.
-        let sum =
-            next.c_b_n.coords.sum() + next.velocity.sum() + p.latitude + p.longitude + p.height;
-        if !sum.is_finite() {
-            return Err(not_finite(state, inc));
-        }
-        if p.latitude.abs() > MAX_LATITUDE_DEG.to_radians() {
-            return Err(MechanisationError::Latitude { degrees: p.latitude.to_degrees() });
-        }
+        check(state, inc, &next)?;
         self.node = Some(node);
         self.remember(inc, sample_dt);
         Ok((next, rates))
@@ -340,13 +331,10 @@ fn advance(
     let c_b_n = UnitQuaternion::new_unchecked(q * (1.5 - 0.5 * q.norm_squared()));
 
     // Position (Groves eq. 5.56 with the mean velocity and the midpoint's radii).
-    let mut longitude = position.longitude + velocity.y * earth.inv_e * earth.inv_cos * dt;
-    if longitude.abs() > PI {
-        longitude -= (2.0 * PI).copysign(longitude);
-    }
+    let longitude = position.longitude + velocity.y * earth.inv_e * earth.inv_cos * dt;
     let position = Geodetic {
         latitude: position.latitude + velocity.x * earth.inv_n * dt,
-        longitude,
+        longitude: wrapped(longitude),
         height: position.height - velocity.z * dt,
     };
     let rates = StepRates {
@@ -359,6 +347,31 @@ fn advance(
         earth,
     };
     (NavState { c_b_n, velocity: new_velocity, position }, rates)
+}
+
+/// A longitude that a step may have moved beyond 180 deg, rad.
+#[inline(always)]
+pub(crate) fn wrapped(longitude: f64) -> f64 {
+    if longitude.abs() > PI { longitude - (2.0 * PI).copysign(longitude) } else { longitude }
+}
+
+/// Rejects the result of a step that is not finite or too near a pole.
+#[inline(always)]
+pub(crate) fn check(
+    state: &NavState,
+    inc: &Increments,
+    next: &NavState,
+) -> Result<(), MechanisationError> {
+    let p = &next.position;
+    // A sum is finite only if all of its terms are.
+    let sum = next.c_b_n.coords.sum() + next.velocity.sum() + p.latitude + p.longitude + p.height;
+    if !sum.is_finite() {
+        return Err(not_finite(state, inc));
+    }
+    if p.latitude.abs() > MAX_LATITUDE_DEG.to_radians() {
+        return Err(MechanisationError::Latitude { degrees: p.latitude.to_degrees() });
+    }
+    Ok(())
 }
 
 /// Returns the error for the first of a step's inputs that is not finite, or else for its result.

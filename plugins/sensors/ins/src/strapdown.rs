@@ -9,7 +9,8 @@ use crate::errors::ImuErrors;
 use crate::grade::Grade;
 use crate::imu::{Imu, SimulatedImu};
 use crate::initial::{InitialPosition, InitialValue, spec, start};
-use crate::mechanisation::{Increments, Mechanisation, NavState};
+use crate::integrator::{Integrator, MechanisationKey};
+use crate::mechanisation::{Increments, NavState};
 use crate::monitor::ImuMonitor;
 use crate::navigation::Navigation;
 use crate::places::Places;
@@ -47,6 +48,10 @@ pub struct Strapdown {
     /// `in-flight` or `course`, or a table with that `method` and its keys.
     #[serde(default)]
     pub alignment: Alignment,
+    /// Integration of the navigation equations: `two-sample` (default) or `integration-formulae`, or
+    /// a table with that `method` and its keys.
+    #[serde(default)]
+    pub mechanisation: MechanisationKey,
     /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not
     /// used with an alignment.
     pub attitude: Option<InitialValue<Triple<Angle>>>,
@@ -146,7 +151,7 @@ impl ProcessType for Strapdown {
         let accel = imu.accel_noise();
         let isotropic =
             gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
-        let mechanisation = Mechanisation::default();
+        let mechanisation = self.mechanisation.integrator()?;
         let screening = imu.screening();
         let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
         let rates = LastRates::default();
@@ -187,7 +192,7 @@ struct StrapdownModel {
     navigation: Navigation,
     gravity: Option<Handle<Vector<3>>>,
     places: Places,
-    mechanisation: Mechanisation,
+    mechanisation: Integrator,
     isotropic: bool,
     /// Rates of the current sample and of the one before.
     rates: LastRates,
@@ -278,7 +283,7 @@ impl ProcessModel for StrapdownModel {
     }
 
     fn restart(&mut self) {
-        self.mechanisation = Mechanisation::default();
+        self.mechanisation.restart();
     }
 
     fn propagate(
@@ -293,7 +298,7 @@ impl ProcessModel for StrapdownModel {
             let Some(coast) = self.imu.coast else {
                 return Err(ProcessError::input("no IMU sample covers this time"));
             };
-            self.mechanisation = Mechanisation::default();
+            self.mechanisation.restart();
             coast.propagate(&self.navigation, &self.places, layout, state, dt, out);
             return Ok(());
         };

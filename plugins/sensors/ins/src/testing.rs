@@ -40,7 +40,7 @@ pub(crate) struct Bench {
     pub navigation: Navigation,
 }
 
-const SCENARIO: &str = r#"
+pub(crate) const SCENARIO: &str = r#"
     name = "bench"
     [process.ins]
     attitude = { sigma = "1 deg", initial = "0 deg" }
