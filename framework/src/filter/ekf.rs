@@ -86,8 +86,8 @@ impl Ekf {
         }
     }
 
-    /// Takes a sample as [`Self::process`] does, except that the samples of a search that ends are
-    /// left to the caller: see [`Linearised::take_found`].
+    /// Takes a sample like [`Self::process`], but leaves the samples of a search that ends to the
+    /// caller: see [`Linearised::take_found`].
     pub(crate) fn take(
         &mut self,
         sample: &Sample,

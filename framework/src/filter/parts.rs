@@ -36,9 +36,9 @@ pub(super) struct Parts {
     pub(super) propagation: Propagation,
     /// Gate, lock-out and tests of each sensor.
     pub(super) sensors: Vec<SensorSlot>,
-    /// The case that the filter does not follow, while nothing decides between both.
+    /// The case that the filter does not follow, while the evidence decides for neither.
     pub(super) branch: Option<Branch>,
-    /// Score tests for errors that nothing models; `None` where they do not hold, or hold no longer.
+    /// Score tests for unmodelled errors; `None` where they do not hold, or no longer hold.
     pub(super) signatures: Option<Signatures>,
     /// Monitor and detectors.
     pub(super) watch: Watch,
@@ -108,7 +108,7 @@ impl Kept for Parts {
     }
 }
 
-/// The errors that are followed from sample to sample.
+/// The errors that the filter follows from sample to sample.
 pub(super) fn followed<'a>(
     sensors: &'a mut [SensorSlot],
     branch: &'a mut Option<Branch>,

@@ -15,8 +15,8 @@ impl Ekf {
         &self.parts.estimate.state
     }
 
-    /// Covariance of the estimate. While nothing decides whether a sensor or the filter was wrong, it
-    /// contains both cases.
+    /// Covariance of the estimate. While it is undecided whether a sensor or the filter was wrong,
+    /// it contains both cases.
     pub fn covariance(&self) -> &Covariance {
         self.parts.estimate.reported()
     }

@@ -1,4 +1,4 @@
-//! What the log of a run receives at a time that is known beforehand.
+//! Entries of a run's log whose time is known beforehand.
 
 use crate::checkpoint::saved;
 use crate::model::record::{Event, Level, Observer};

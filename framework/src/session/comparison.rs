@@ -50,7 +50,7 @@ impl Compared {
         }
     }
 
-    /// A comparison of an estimate with that error and sigma of each component with a truth of zero.
+    /// A comparison with a truth of zero: the estimate has that error and sigma in each component.
     #[cfg(test)]
     pub(crate) fn beside(block: &Block, time: Time, error: [f64; 3], sigma: f64) -> Self {
         let mut compared = Self { time: Some(time), ..Self::new(block) };

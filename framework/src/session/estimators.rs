@@ -72,8 +72,8 @@ pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
     }
 }
 
-/// Lets each sample be linearised once where its estimator cannot linearise it again, with a note.
-/// Another note is about sensors that are not tested.
+/// Limits the run to one linearisation of each sample if its estimator cannot repeat it, with a
+/// note. Another note is about sensors that are not tested.
 pub(crate) fn settle(composition: &mut Composition) {
     let untested = untested(&composition.sensors);
     composition.notes.extend(untested.map(|text| ("estimator".to_owned(), text)));
@@ -89,11 +89,11 @@ pub(crate) fn settle(composition: &mut Composition) {
     composition.notes.extend(text.map(|text| ("estimator".to_owned(), text)));
 }
 
-/// What a run neglects that cannot linearise its samples again.
+/// What a run neglects if it cannot linearise its samples again.
 const PRODUCTS: &str = "with priors as wide as these, the processes neglect products of errors that \
                         matter, at rest above all: states may be wrong beyond their sigma";
 
-/// The reason for which a composition cannot linearise samples again.
+/// The reason why a composition cannot linearise samples again.
 fn obstacle(composition: &Composition) -> Option<String> {
     let transient = composition.layout.blocks.iter().find(|b| b.label.is_some());
     if composition.estimator.smooths() {
@@ -107,7 +107,7 @@ fn obstacle(composition: &Composition) -> Option<String> {
     }
 }
 
-/// Rejects another update rule than that of the unscented filter.
+/// Rejects update rules other than the unscented filter's.
 fn check_rules(root: &Node<'_>) -> Result<(), DocumentError> {
     let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
     let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
@@ -143,7 +143,7 @@ pub(crate) fn newest<T>(
     }
 }
 
-/// The reason for which the filter never started, and the remedy.
+/// The reason why the filter never started, and the remedy.
 pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
     let start = estimator.composition().start();
     let reference =

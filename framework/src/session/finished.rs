@@ -9,7 +9,7 @@ use crate::smooth::SmoothError;
 use crate::units::time::Time;
 use std::any::Any;
 
-/// The reason for which a run ended early. Everything recorded until then is kept.
+/// The reason why a run ended early. Everything recorded until then is kept.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
@@ -53,7 +53,7 @@ impl From<Result<(), RunError>> for End {
     }
 }
 
-/// The end of a run. The summary is there also after an error.
+/// The end of a run. It has a summary even after an error.
 pub struct Finished {
     /// Time of the last estimate.
     pub time: Time,

@@ -5,9 +5,9 @@ use crate::units::time::{Span, Time};
 
 /// Chooses the estimates that the sinks receive: one in each period of the output rate.
 ///
-/// Where a reference is slower than the output rate, or as fast, each of its samples is recorded,
-/// and estimates between them at the output rate. Of a faster reference the first sample in each
-/// period is recorded, and no estimate beside it: the recorded estimates are those with a truth.
+/// If a reference is no faster than the output rate, each of its samples is recorded, and estimates
+/// between them at the output rate. If it is faster, only its first sample in each period is
+/// recorded, so that every recorded estimate has a truth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OutputRate {
     /// Time between recorded estimates.

@@ -20,7 +20,7 @@ use std::panic::resume_unwind;
 /// Warnings that a run keeps in memory; the sinks receive all of them.
 const WARNINGS: usize = 1000;
 
-/// Findings that a run keeps in memory, beside the heaviest one of each part.
+/// Findings that a run keeps in memory, beside the most severe one of each part.
 const FINDINGS: usize = 1000;
 
 /// A sink of the run, open until it fails.
@@ -78,7 +78,7 @@ impl Outputs {
         }
     }
 
-    /// Passes an estimate on that the output rate asks for, unless the sinks have received it.
+    /// Passes on an estimate that the output rate asks for, unless the sinks have received it.
     pub(crate) fn record(&mut self, epoch: &Epoch<'_>) {
         let time = epoch.state.time;
         if self.recorded == Some(time) {
@@ -176,7 +176,7 @@ impl Outputs {
         self.sinks.iter().any(|o| o.open && o.wants.contains(kind))
     }
 
-    /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
+    /// Judges the run, which an `error` ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
         self.derive(true);
         let verdict = self.judge.verdict(&self.findings, error, self.statistics.compared());
@@ -304,8 +304,8 @@ impl Observer for Outputs {
     }
 }
 
-/// Keeps a finding: one of the first [`FINDINGS`], or a later one that is heavier than all of its
-/// part, since the verdict rests on the heaviest finding of each part.
+/// Keeps a finding: one of the first [`FINDINGS`], or a later one that is more severe than all
+/// others of its part, since the verdict rests on the most severe finding of each part.
 fn keep(findings: &mut Vec<Finding>, finding: Finding) {
     let outweighed = |f: &Finding| f.about == finding.about && f.weight() >= finding.weight();
     if findings.len() < FINDINGS || !findings.iter().any(outweighed) {

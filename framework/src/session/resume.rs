@@ -1,4 +1,4 @@
-//! A session that is saved, and one that goes on.
+//! Saving and resuming a session.
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Part};
 use crate::compose::Composition;
@@ -7,10 +7,10 @@ use crate::model::stream::NamedSink;
 use crate::session::session::{Session, run_info};
 
 impl Session {
-    /// Goes on with the run of a checkpoint: what follows is equal, to the bit, to what would have
-    /// followed in the run that was saved. The composition is a new one of the same scenario. The
-    /// sinks begin anew, and receive the records from here on. Announced events that are still to
-    /// come are part of the checkpoint.
+    /// Continues the run of a checkpoint: what follows equals, bit for bit, what would have
+    /// followed in the saved run. The composition is a new one of the same scenario. The sinks
+    /// begin anew, and receive the records from here on. Announced events that are still to come
+    /// are part of the checkpoint.
     ///
     /// # Errors
     /// When the checkpoint is of a scenario with other blocks, sensors or processes.
@@ -27,9 +27,9 @@ impl Session {
     }
 
     /// Saves the run as it is: the estimator with all its parts, samples that wait, statistics and
-    /// findings. It changes nothing. What the sinks have received is not part of it.
+    /// findings. Saving changes nothing, and leaves out what the sinks have received.
     ///
-    /// The level of a lake is saved after the second of four readings. The run goes on from the
+    /// The level of a lake is saved after the second of four readings. The run resumes from the
     /// bytes, as after a restart of the computer:
     /// ```
     /// # use navfuse_core::document::Document;

@@ -186,10 +186,10 @@ impl Session {
         failed.map_or(Ok(()), |error| Err(error.into()))
     }
 
-    /// Lets the time go on without a sample: sensors that are silent at this time are reported, and
-    /// samples that no late one can precede any more are used. No estimate changes, so a run without
-    /// ticks gives the same ones. As after a driving sample of this time, a sample that is later
-    /// than its `late` is rejected.
+    /// Advances the time without a sample: it reports sensors that are silent at this time, and
+    /// uses samples that no late one can precede any more. No estimate changes, so a run without
+    /// ticks gives the same estimates. As after a driving sample of this time, it rejects samples
+    /// that are later than their `late`.
     ///
     /// `now` is a time of the driving sensor's clock.
     ///
@@ -315,8 +315,8 @@ impl Session {
         }
     }
 
-    /// Passes on the estimates of which the filter is the lag ahead, once every sample of its time
-    /// has been used.
+    /// Passes on the estimates that lie the lag behind the filter, once every sample of the
+    /// filter's time has been used.
     fn release(&mut self, next_sample: Time) {
         let Self { outputs, estimator, .. } = self;
         let now = estimator.time();
@@ -381,7 +381,7 @@ impl Session {
     }
 
     /// Logs the processes that have not found their initial values. Unless the run was interrupted,
-    /// it is an error if one of them cannot do without, or if the filter never started.
+    /// it is an error if a process needs them, or if the filter never started.
     fn log_unfinished(&mut self, interrupted: bool) -> Result<(), RunError> {
         let unfinished = self.estimator.unfinished();
         let fatal = unfinished.iter().find(|e| e.level == Level::Error && !interrupted);

@@ -85,7 +85,7 @@ pub struct StateRow {
     pub estimate: Vec<f64>,
     /// Its 1-sigma.
     pub sigma: Vec<f64>,
-    /// Estimate minus reference at the last time of the reference; none if that time is before the
+    /// Estimate minus reference at the last time of the reference; none if that time precedes the
     /// end by more than 2 s and by more than twice the last interval of the reference.
     pub error: Option<Vec<f64>>,
     /// 1-sigma at the time of the error, or at the end where there is no error.

@@ -9,8 +9,8 @@
 //! update        d = d + K (z - h(c) - H d),         H and h at c
 //! ```
 //! `d` obeys a linear filter, so smoothing it solves the whole run as linearised at `c`. That is one
-//! Gauss-Newton step (Bell, SIAM J. Optim. 4, 1994, 626-636). The steps end where `d` smoothed is
-//! zero. The reset by `f(c) [-] c'` is left out: it is the process noise of one step, some
+//! Gauss-Newton step (Bell, SIAM J. Optim. 4, 1994, 626-636). The steps converge where the smoothed
+//! `d` is zero. The reset by `f(c) [-] c'` is left out: it is the process noise of one step, some
 //! 1e-6 rad.
 
 use crate::compose::course::Course;

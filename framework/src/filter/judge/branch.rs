@@ -140,8 +140,8 @@ impl Branch {
         self
     }
 
-    /// Notes that the sensor was found to be wrong before, and agrees only since the filter knows no better:
-    /// both cases are equally likely.
+    /// Notes that the sensor was found to be wrong before, and agrees only since the filter has
+    /// become uncertain: both cases are equally likely.
     pub(super) fn even(mut self) -> Self {
         (self.odds, self.began) = (0.0, 0.0);
         self

@@ -16,8 +16,8 @@ use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
-/// Share of the derivative by the velocity that one by the position may have where a channel measures
-/// a velocity, 1/s.
+/// Largest ratio of the derivative by the position to the derivative by the velocity at which a
+/// channel measures a velocity, 1/s.
 const SLIGHT: f64 = 1e-3;
 /// Least determinant of the normal equations of three directions, relative to its largest value.
 const DETERMINED: f64 = 1e-3;

@@ -1,5 +1,5 @@
-//! Comparison of what a sensor's channels change by with what the filter predicts between its samples:
-//! a wrong sign or unit of a channel.
+//! Comparison of the changes of a sensor's channels with the changes that the filter predicts,
+//! which shows a wrong sign or unit of a channel.
 //!
 //! Between two samples of a channel the filter, driven by the other sensors, predicts the change `p`,
 //! where the samples change by `m`. The innovation `y` of the second sample and the part `y0` of the
@@ -24,7 +24,7 @@ use std::f64::consts::TAU;
 
 /// Length of the spans, s: a slow vehicle moves by more than the noise of a sample.
 const SPAN: f64 = 5.0;
-/// Factors that are none of a healthy channel lie outside: a knot is 0.51 m/s.
+/// Factors outside belong to no healthy channel: a knot is 0.51 m/s.
 const PLAUSIBLE: std::ops::Range<f64> = -0.5..1.5;
 /// Twice the logarithm of the chance by which a factor of one looks like another one: 2e-9 at each of some
 /// ten thousand looks, as at ten channels every five seconds for an hour and a half.
@@ -127,7 +127,7 @@ impl Change {
         }
     }
 
-    /// The factor, where it is none of a healthy channel.
+    /// The factor, if no healthy channel has it.
     fn factor(&self) -> Option<f64> {
         let [mm, mp, pp] = self.sums;
         let factor = mp / pp;

@@ -27,7 +27,7 @@ const KEPT: usize = 127;
 /// Largest `rho` of noise. With 127 differences its sigma is 0.06 for noise, at -1/2, and 0.09 for a process
 /// noise, at 0 (Bartlett): 2.4 and 3.9 sigma.
 const NOISE: f64 = -0.35;
-/// Number of differences of a group beside one of which the noise is found.
+/// Number of differences that a group needs once the noise of another group is found.
 const BESIDE: usize = KEPT / 3;
 /// Limit of a difference in `rho`, in its sigma.
 const LIMIT: f64 = 3.0;

@@ -44,12 +44,13 @@ pub(in crate::filter) struct SensorSlot {
     /// Level of the noise that follows the innovations, and whether it is used.
     pub(in crate::filter) noise: Option<NoiseLevel>,
     pub(in crate::filter) adaptive: bool,
-    /// Repetitions of samples; none where samples may repeat for ever, or are several of one time.
-    pub(in crate::filter) repeats: Option<Repeats>,
-    /// Sequential test on the innovations; none where a constraint gives them, or several of one
+    /// Repetitions of samples; none where samples may repeat for ever, or several may have one
     /// time.
+    pub(in crate::filter) repeats: Option<Repeats>,
+    /// Sequential test on the innovations; none for a constraint, or where several samples may have
+    /// one time.
     pub(in crate::filter) bias: Option<BiasTest>,
-    /// Sign and unit of the channels; none where a constraint gives the samples, or several of one
+    /// Sign and unit of the channels; none for a constraint, or where several samples may have one
     /// time.
     pub(in crate::filter) factor: Option<Factor>,
     /// Check of the linearisation; none where a constraint gives the samples.

@@ -21,8 +21,8 @@ impl Ekf {
         Branch::new((index, present), &slot.groups, sample.time, update, n)
     }
 
-    /// Parts from a case that the filter does not follow, where it uses the sample. An older case that is in
-    /// doubt stays in the covariance, or instead of one that is not.
+    /// Adds the case that the filter does not follow when it uses the sample. The covariance keeps
+    /// an older case that is in doubt; a new case that is not in doubt does not replace it.
     pub(in crate::filter) fn part(&mut self, doubt: Option<Branch>, verdict: Verdict) {
         let branch = match (doubt, verdict) {
             (Some(branch), Verdict::Adopt) => branch.refused(),

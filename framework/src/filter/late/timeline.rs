@@ -8,9 +8,9 @@
 //!   filter   |  samples that a late one may precede  |  newest estimate
 //! ```
 //! The filter takes a sample once no other can precede it, `W` after its time. Everything that it
-//! reports is therefore final, reported once, and equal to the bit to a run whose samples arrive in
-//! order. The newest estimate is computed on demand: a copy of the filter goes on from a snapshot
-//! before the earliest late sample, through all samples up to the present.
+//! reports is therefore final, reported once, and equal bit for bit to a run whose samples arrive
+//! in order. The newest estimate is computed on demand: a copy of the filter starts from a snapshot
+//! before the earliest late sample, and takes all samples up to the present.
 
 use crate::checkpoint::saved;
 use crate::compose::Composition;
@@ -65,7 +65,7 @@ pub struct Timeline {
     late: Vec<Option<Span>>,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
-    /// Sensor whose clock is that of the timeline; any sensor's, if there is none.
+    /// Sensor whose clock is the clock of the timeline; without one, every sensor's is.
     driver: Option<usize>,
     /// Latest time on that clock.
     now: Option<Time>,
@@ -92,7 +92,7 @@ struct Ahead {
 #[derive(Clone, Copy)]
 struct Place {
     sample: Sample,
-    /// Set if the filter ran before the first sample of this time: references came last.
+    /// Set if the filter ran before the first sample of this time, so that references came last.
     ran: bool,
 }
 
@@ -154,7 +154,7 @@ impl Timeline {
         true
     }
 
-    /// Lets the clock of the timeline go on without a sample.
+    /// Advances the clock of the timeline without a sample.
     pub(crate) fn reach(&mut self, now: Time) {
         self.now = self.now.max(Some(now));
     }
@@ -164,7 +164,7 @@ impl Timeline {
         self.closed = true;
     }
 
-    /// Forgets the copies of a filter whose estimate is another one now.
+    /// Forgets the copies of a filter whose estimate has been replaced.
     pub(crate) fn forget_copies(&mut self) {
         self.ahead = Ahead::default();
     }
@@ -190,8 +190,8 @@ impl Timeline {
     }
 
     /// Shows the estimate after all samples that have arrived, which a late sample may still
-    /// change; the filter itself stays where it is. Where samples on their way leave a gap that the
-    /// process cannot bridge, the estimate is that before the gap. Nothing is shown before the
+    /// change; the filter itself stays where it is. If samples still on their way leave a gap that
+    /// the process cannot bridge, it shows the estimate before the gap. It shows nothing before the
     /// filter runs.
     pub fn newest<T>(
         &mut self,
@@ -246,7 +246,7 @@ impl Timeline {
 }
 
 impl Place {
-    /// Returns `true` if a copy at this place has still to take the sample, and can.
+    /// Returns `true` if a copy at this place still has to take the sample, and can.
     fn precedes(&self, sample: &Sample, references: &[bool]) -> bool {
         let rank = |s: &Sample| (s.time, references[s.sensor.0]);
         let (here, there) = (rank(&self.sample), rank(sample));
@@ -256,7 +256,7 @@ impl Place {
 }
 
 impl Ahead {
-    /// Forgets the copies that have passed the place of a sample that arrives.
+    /// Forgets the copies that have passed the place of an arriving sample.
     fn forget_after(&mut self, sample: &Sample, references: &[bool]) {
         self.snapshots.retain(|(time, _)| *time <= sample.time);
         self.newest.take_if(|(_, place)| !place.precedes(sample, references));
@@ -268,7 +268,7 @@ impl Ahead {
         self.newest.take_if(|(_, place)| place.sample.time <= time);
     }
 
-    /// Latest copy of the filter, and the place where it goes on.
+    /// Latest copy of the filter, and the place where it continues.
     fn resume(&mut self, settled: impl FnOnce() -> Snapshot) -> (Snapshot, Start) {
         match (self.newest.take(), self.snapshots.back()) {
             (Some((copy, place)), _) => (copy, Start::After(place)),
@@ -285,7 +285,7 @@ fn order(a: &Sample, b: &Sample) -> Ordering {
     place(a).cmp(&place(b)).then_with(|| channels(a).cmp(channels(b)))
 }
 
-/// Removes the sample of the first time that comes next: a running filter takes references last.
+/// Removes the next sample of the earliest time: a running filter takes references last.
 fn next_of_group(
     samples: &mut VecDeque<Sample>,
     running: bool,

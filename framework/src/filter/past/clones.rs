@@ -14,7 +14,7 @@ pub(in crate::filter) struct Clones {
     /// Source and past, a pair of slots each.
     pairs: Vec<[usize; 2]>,
     pub(super) transition: Transition,
-    /// Set once a sample of the sensor was there to take the clones at.
+    /// Set once the sensor has had a sample at which to take the clones.
     pub(super) taken: bool,
 }
 

@@ -1,5 +1,5 @@
 //! Sensors with a time offset: recall of the past state, and the measurement matrix with respect to
-//! the present one.
+//! the present state.
 //!
 //! A sample stamped `t` of a sensor with the time offset `tau` measures the state at `t - tau`. The
 //! filter keeps a history of its state and evaluates the model there:
@@ -38,7 +38,7 @@ const SPACING: Span = Span::from_nanos(20_000_000);
 /// is then 6 % too small.
 const HALF: f64 = 0.1;
 
-/// Ratio of information to that expected from noise below which a slope is discarded.
+/// Ratio of the information to its expectation from noise, below which a slope is discarded.
 const NOISE_RATIO: f64 = 5.0;
 
 /// A block that processes move.
@@ -73,8 +73,8 @@ pub(in crate::filter) struct RecentStates {
     /// One row of the Jacobian.
     row: Vec<f64>,
     columns: Vec<usize>,
-    /// Place in a sample's columns of each error state, and for each element of `Phi` in these rows
-    /// the place, the column and what has passed through it since.
+    /// Column of a sample for each error state; and for each element of `Phi` in these rows its
+    /// place, its column and the sum that has passed through it since.
     index: Vec<Option<usize>>,
     seen: Vec<(usize, usize, f64)>,
     wide: Vec<f64>,

@@ -15,7 +15,7 @@ use crate::model::sensor::Role;
 use crate::units::sample::Sample;
 
 impl Ekf {
-    /// Returns `true` if the past that the sensor's model reads is there, or it reads none.
+    /// Returns `true` if the sensor's clones have been taken, or its model reads no past.
     pub(in crate::filter) fn has_past(&self, sensor: usize) -> bool {
         self.parts.clones.iter().all(|c| c.sensor != sensor || c.taken)
     }
@@ -34,8 +34,8 @@ impl Ekf {
         clones.transition.carry_reaches(followed(sensors, branch));
     }
 
-    /// Gives every past block the value of its source when the filter begins; it is no frame of a
-    /// sensor yet.
+    /// Gives every past block the value of its source when the filter begins, before any sensor has
+    /// had a sample.
     pub(in crate::filter) fn begin_past(&mut self) {
         let Parts { estimate, clones, .. } = &mut self.parts;
         for clones in clones {
@@ -44,7 +44,7 @@ impl Ekf {
         }
     }
 
-    /// Forgets the past of a sensor, if the filter cannot use a sample at which the next one
+    /// Forgets the past of a sensor if the filter cannot use the sample at which the next past
     /// begins.
     pub(in crate::filter) fn lose_past(&mut self, sample: &Sample) {
         let sensor = sample.sensor.0;

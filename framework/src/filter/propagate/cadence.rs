@@ -7,23 +7,24 @@ use crate::checkpoint::saved;
 const LONG: f64 = 1.5;
 /// The same ratio where time stamps scatter: an interval with a missing sample is twice as long.
 const LONGEST: f64 = 1.85;
-/// Scatter, in standard deviations of the intervals, that is no loss.
+/// Deviation of an interval, in standard deviations, that is no loss.
 const SCATTER: f64 = 6.0;
-/// Number of long or short intervals in a row that is a new rate, neither a loss nor a late stamp.
+/// Number of long or short intervals in a row that means a new rate, not a loss or a late stamp.
 const NEW_RATE: u32 = 8;
 /// Weight of an interval in the usual one.
 const WEIGHT: f64 = 1.0 / 64.0;
 
-/// Usual interval of the driving sensor: the mean of those that are about as long.
+/// Usual interval of the driving sensor: the mean of the intervals that are about as long.
 ///
 /// A late time stamp makes one interval longer and the next one shorter. Neither changes the usual
-/// interval much, and a longer interval is no loss if the stamps scatter as much. This matters for an IMU
-/// of increments: after a late stamp they cover the whole interval, after a loss the usual one alone.
+/// interval much, and a longer interval is no loss if the stamps scatter as much. This matters for
+/// an IMU that gives increments: after a late stamp they cover the whole interval, after a loss
+/// only the usual one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::filter) struct Cadence {
     /// Usual interval, s; zero before the second sample.
     pub interval: f64,
-    /// Mean square of the deviations from it, relative to it.
+    /// Mean square of the relative deviations from the usual interval.
     scatter: f64,
     /// Number of intervals in a row that are longer, and shorter.
     longer: u32,

@@ -1,11 +1,11 @@
 //! Several driving sensors, and gaps of the first one.
 //!
-//! The first driven process of a scenario gives the pace: its sample covers the interval that ends
+//! The first driven process of a scenario sets the pace: its sample covers the interval that ends
 //! at the sample's time, and measurements wait for it. The samples of every other driving sensor
 //! split the interval at their own time, and hold from there to the next one, as a command does.
 //!
-//! On a gap of the first sensor a process that coasts moves without a sample: time goes on with
-//! the measurements.
+//! In a gap of the first sensor, a process that coasts moves without a sample: the measurements
+//! advance the time.
 
 use crate::filter::ekf::Ekf;
 use crate::filter::parts::Parts;
@@ -17,8 +17,8 @@ use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
 impl Ekf {
-    /// Uses a measurement at its own time: now, or once the driving sensor has reached it. Where no
-    /// sensor drives, time goes on to the measurement.
+    /// Uses a measurement at its own time: now, or once the driving sensor has reached it. If no
+    /// sensor drives, time advances to the measurement.
     pub(in crate::filter) fn use_at_its_time(
         &mut self,
         sample: &Sample,
@@ -72,8 +72,8 @@ impl Ekf {
         Ok(())
     }
 
-    /// Brings the filter to the begin of a driving sample: the process coasts over a longer gap than
-    /// it bridges. Returns `None` for a sample that time went on without.
+    /// Brings the filter to the beginning of a driving sample: the process coasts over a gap that
+    /// is too long to bridge. Returns `None` for a late sample, whose time the filter has passed.
     pub(in crate::filter) fn reach_begin<'a>(
         &mut self,
         input: Input<'a>,
@@ -128,8 +128,9 @@ impl Ekf {
         first.coasts_after
     }
 
-    /// Lets time go on with the measurements while the first driving sensor is silent. `now` is the
-    /// time of the latest measurement: an earlier sample of the driving sensor would be there.
+    /// Advances the time with the measurements while the first driving sensor is silent. `now` is
+    /// the time of the latest measurement: an earlier sample of the driving sensor would have
+    /// arrived.
     fn coast_on(&mut self, now: Time, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
         match self.coasts_after().zip(self.parts.pace.input()) {
             Some((gap, input)) if self.running() && now.since(input) > gap => {

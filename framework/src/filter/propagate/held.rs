@@ -34,12 +34,12 @@ impl Held {
         self.process
     }
 
-    /// Returns `true` if the sample is one of the sensor.
+    /// Returns `true` if the sample is from the sensor.
     pub(super) fn is_of(&self, sample: &Sample) -> bool {
         self.sensor == sample.sensor.0
     }
 
-    /// Last sample of a sensor, if it is this one and a sample was there.
+    /// Last sample of a sensor, if it is this sensor and has had a sample.
     pub(super) fn sample_of(&self, sensor: usize) -> Option<&Sample> {
         self.sample.as_ref().filter(|_| self.sensor == sensor)
     }
@@ -55,7 +55,7 @@ impl Held {
         self.process == process
     }
 
-    /// The input of its process, once a sample was there.
+    /// The input of its process, once the sensor has had a sample.
     pub(super) fn input(&self) -> Option<Input<'_>> {
         let (duration, usual) = (self.interval, self.interval);
         self.sample.as_ref().map(|sample| Input { sample, duration, usual, spread: None })

@@ -55,8 +55,8 @@ impl Pace {
         (self.cadence.missing, self.cadence.longest)
     }
 
-    /// Queues a measurement in order of time, after those of its time that are not `last`. Returns
-    /// the oldest where too many wait.
+    /// Queues a measurement in order of time, after the measurements of the same time that are not
+    /// `last`. Returns the oldest if too many wait.
     pub(in crate::filter) fn wait(
         &mut self,
         sample: &Sample,

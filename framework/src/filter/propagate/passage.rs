@@ -1,7 +1,7 @@
 //! Passage of sigma points through the processes: the propagation of the unscented filter.
 //!
 //! With `P = L L'` and `s^2 = 3`, two points for each column of `L` pass through the step `f` of
-//! all processes, and the differences of their ends from that of the estimate
+//! all processes, and the differences between their ends and the end of the estimate
 //! ```text
 //! e_i+ = f(x [+] s l_i) [-] f(x),    e_i- = f(x [+] -s l_i) [-] f(x)
 //! ```
@@ -12,7 +12,7 @@
 //! ```
 //! The mean is that of the scaled unscented transform with the same distance. The covariance is
 //! positive for any number of states, and the points stay at `sqrt(3)` sigma. `[+]` and `[-]` are
-//! those of the error injection, with velocities that turn with the heading.
+//! the operations of the error injection, with velocities that turn with the heading.
 
 use super::linear::Linear;
 use crate::filter::estimate::Estimate;

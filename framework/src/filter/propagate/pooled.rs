@@ -15,7 +15,7 @@ use crate::units::time::{Span, Time};
 pub(super) struct PooledSteps {
     /// Time between two propagations of the covariance.
     period: Span,
-    /// Begin of the first step, if there is one.
+    /// Beginning of the first step, if there is one.
     since: Option<Time>,
     /// The transition over all steps.
     whole: Transition,

@@ -167,7 +167,7 @@ impl Propagation {
         self.processes.iter_mut().for_each(|process| process.restart());
     }
 
-    /// Fills in what the processes know of the truth on a motion.
+    /// Fills in the truth that the processes know about a motion.
     pub(in crate::filter) fn follow(
         &self,
         layout: &Layout,

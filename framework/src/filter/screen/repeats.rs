@@ -13,7 +13,7 @@ const CHANCE: f64 = 1e-9;
 const FROZEN: f64 = 5.0;
 /// Number of identical values in a row after which a single channel counts as stuck.
 pub(in crate::filter) const STUCK: u32 = 25;
-/// Share of repetitions above which a channel is too coarse to judge it by its repetitions.
+/// Share of repetitions above which a channel is too coarse to be judged by them.
 const COARSE: f64 = 0.02;
 /// Weight of one sample in that share.
 const SHARE: f64 = 1e-3;
@@ -60,7 +60,7 @@ pub(in crate::filter) struct Repeats {
     n: usize,
     /// Number of samples.
     pub(in crate::filter) samples: u64,
-    /// Number of identical samples in a row, of all so far, and of each channel in a row.
+    /// Number of repeated samples: in a row, in total, and in a row for each channel.
     pub(in crate::filter) in_a_row: u32,
     repeated: u32,
     runs: [u32; MAX_CHANNELS],
@@ -86,7 +86,7 @@ impl Repeats {
         }
     }
 
-    /// Fault of a sample by itself and by its repetition, with the channels that have it.
+    /// Fault of a sample, by itself or by repetition, with the channels that have it.
     #[inline(always)]
     pub(in crate::filter) fn judge<S: Simd>(
         &mut self,

@@ -6,7 +6,7 @@
 //! mean, with an uncertainty that grows as the motion of the vehicle allows.
 //!
 //! Most samples are good, and a good sample costs little: the loops over its channels take four at
-//! once where the processor can, with the same bits as one by one.
+//! once where the processor can, with the same bits as one at a time.
 
 use crate::checkpoint::saved;
 use crate::filter::screen::repeats::{Fault, Repeats, STUCK};
@@ -23,8 +23,8 @@ const SPIKE: usize = 3;
 /// Part of the jump to within which a channel comes back after a spike.
 const BACK: f64 = 1.0 / 3.0;
 /// Margin of the uncertainty of a bridge. Process noise is white, the unknown rate is constant: a
-/// velocity that integrates the angle has the variance `t^4/4` instead of the `t^4/6` of the noise
-/// that gives the same variance `t^2` of the angle; the ratio of the sigmas is `sqrt(3/2)`.
+/// velocity that integrates the angle has the variance `t^4/4`, where noise with the same variance
+/// `t^2` of the angle gives `t^4/6`; the ratio of the sigmas is `sqrt(3/2)`.
 const CORRELATED: f64 = 1.25;
 
 /// Observation that the screening reports.
@@ -74,7 +74,7 @@ pub(in crate::filter) struct Screen {
     usual: Usual,
     repeats: Repeats,
     held: VecDeque<Sample>,
-    /// Channels by which the first held sample was held; set if all held samples are faulty.
+    /// Channels for which the first sample was held; set if all held samples are faulty.
     suspects: u16,
     faulty: Option<Fault>,
     bridge: Option<Bridge>,
@@ -99,7 +99,7 @@ saved!(Screen {
     limits, n, news,
 });
 
-/// Judgement of a sample on the vector instructions that the processor has.
+/// Judgement of a sample with the vector instructions of the processor.
 struct Judgement<'a> {
     screen: &'a mut Screen,
     sample: &'a Sample,
@@ -178,7 +178,7 @@ impl Screen {
         }
     }
 
-    /// Skips a faulty sample before the first good one: nothing is known to bridge it with. Returns
+    /// Skips a faulty sample before the first good one: there is nothing to bridge it with. Returns
     /// `true` if the sample is good.
     #[cold]
     fn skip(&mut self, sample: &Sample, bad: Option<(Fault, u16)>) -> bool {
@@ -189,7 +189,7 @@ impl Screen {
         };
         let to = sample.time;
         self.skipped = Some(match self.skipped {
-            // the first fault names the span, as that of a bridge
+            // the first fault names the span, as for a bridge
             Some(before) => Skipped { channels: before.channels | channels, to, ..before },
             None => Skipped { fault, channels, from: to, to },
         });
@@ -334,7 +334,7 @@ impl Screen {
     /// passes as it is.
     fn go_on(&mut self, sample: &Sample, bad: Option<(Fault, u16)>) -> bool {
         let Some(bridge) = &mut self.bridge else { return true };
-        // a sensor that repeats itself is still frozen, however few the repetitions
+        // a sensor that repeats itself is still frozen, however few its repetitions
         let frozen = bad.is_none() && self.repeats.in_a_row > 0 && bridge.fault != Fault::Stuck;
         if let Some((fault, channels)) = bad {
             bridge.channels |= channels;

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// sigma, so this is 49 sigma. The largest spike that is no fault in the recordings that we checked
 /// has a ratio of 15 (a car on a road).
 const JUMP: f64 = 25.0;
-/// The same in sigma of the noise that the process assumes: the least jump that is held.
+/// The same jump, in sigma of the noise that the process assumes: the least that is held.
 const JUMP_SIGMA: f64 = 50.0;
 /// Ratio of the mean of `|b|` to that of `b^2 / |b|` for a second difference `b` of white noise: with
 /// sigma 1 the mean of `|b|` is `sqrt(2/pi)`, and that of `b^2` is 1.
@@ -25,7 +25,7 @@ const MEMORY: f64 = 200.0;
 const WARM: u32 = 100;
 /// Number of samples of the recent mean.
 const RECENT: f64 = 16.0;
-/// Number of such times after which the largest change is forgotten.
+/// Number of such spans after which the largest change is forgotten.
 const FORGOTTEN: f64 = 600.0;
 
 /// Usual behaviour of the channels. The channels come first, so that no vector of them crosses a cache
@@ -74,7 +74,7 @@ pub(in crate::filter) fn lanes<S: Simd>(spread: &Spread, n: usize) -> &[S::f64s]
     S::as_simd_f64s(&spread[..n.next_multiple_of(4)]).0
 }
 
-/// [`lanes`] to be written.
+/// Writable [`lanes`].
 #[inline(always)]
 pub(in crate::filter) fn lanes_mut<S: Simd>(spread: &mut Spread, n: usize) -> &mut [S::f64s] {
     S::as_mut_simd_f64s(&mut spread[..n.next_multiple_of(4)]).0
@@ -188,10 +188,10 @@ impl Usual {
 
     /// Learns the roughness of the channels from second differences that are not zero.
     ///
-    /// Each second difference `b` has the weight `|b|`: the roughness is the mean of `b^2` over that
-    /// of `|b|`, times that ratio for white noise. A quiet sensor with a coarse quantisation repeats
-    /// its value most of the time. Repetitions would make a plain mean less than one step, so that a
-    /// change by a step would count as a spike.
+    /// Each second difference `b` has the weight `|b|`: the roughness is the mean of `b^2` over the
+    /// mean of `|b|`, times `GAUSSIAN`. A quiet sensor with a coarse quantisation repeats its value
+    /// most of the time. Repetitions would make a plain mean less than one step, so that a change by
+    /// a step would count as a spike.
     #[inline(always)]
     fn roughen<S: Simd>(&mut self, simd: S, x: &Spread, share: f64) {
         let most = if self.count > WARM { 8.0 } else { f64::INFINITY };
@@ -221,7 +221,7 @@ impl Usual {
         }
     }
 
-    /// Learns from a sample that passes. The mean takes `fresh` samples alone, no repetition.
+    /// Learns from a sample that passes. The mean takes only `fresh` samples, no repetitions.
     #[inline(always)]
     pub(in crate::filter) fn learn<S: Simd>(
         &mut self,

@@ -27,8 +27,8 @@ const TRIALS: usize = 8;
 /// The filter uses the samples of the trial a second time, so the first use must carry little
 /// information: with a ratio of 5 it carries `1/5^2` = 4 % of the information, 2 % in sigma. A
 /// larger ratio fails elsewhere: with 10, a component that the trial improves five to ten times,
-/// such as the pitch of a DVL, would keep its stated value although that is degrees off, and the
-/// alignment found with it would be wrong by more than its sigma.
+/// such as the pitch of a DVL, would keep its stated value although this is degrees off, and the
+/// resulting alignment would be wrong by more than its sigma.
 const WIDENING: f64 = 5.0;
 
 /// Symmetric root of a covariance, and the inverse root, which is zero where the covariance is
@@ -123,7 +123,7 @@ impl Ekf {
         Ok(())
     }
 
-    /// Adopts a trial's estimates of the blocks that no process moves, as far as they are much more
+    /// Adopts a trial's estimates of the blocks that no process moves, where they are much more
     /// certain than the prior.
     ///
     /// The comparison goes by directions, not by components: along the axes in which the trial's

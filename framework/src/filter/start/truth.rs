@@ -32,7 +32,7 @@ impl Known {
         Truth { state: &self.state, known: &self.known }
     }
 
-    /// The truth at a time, if it is that of a reference of this time.
+    /// The truth at a time, if a reference of this time gave it.
     pub(in crate::filter) fn at(&self, time: Time) -> Option<Truth<'_>> {
         (self.state.time == time).then(|| self.view())
     }
@@ -83,7 +83,7 @@ impl Known {
         }
     }
 
-    /// Takes the truth of a block that comes, if there is one.
+    /// Takes the truth of a new block, if there is one.
     pub(in crate::filter) fn occupy(
         &mut self,
         layout: &Layout,
@@ -101,7 +101,7 @@ impl Known {
         self.set_known(slot, truth.is_some());
     }
 
-    /// Forgets the truth of a block that goes.
+    /// Forgets the truth of a removed block.
     pub(in crate::filter) fn vacate(&mut self, slot: usize) {
         self.set_known(slot, false);
     }

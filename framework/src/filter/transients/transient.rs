@@ -9,7 +9,7 @@
 //! marginalised: dy := 0
 //! ```
 //! With `placed`, `Pyx = -Hy^-1 Hx Px` and `Pyy = Hy^-1 (Hx Px Hx' + R) Hy^-T`: the limit of an
-//! update with a prior without information. Its innovation has no information about `x`.
+//! update with an uninformative prior. Its innovation has no information about `x`.
 
 use crate::filter::ekf::Ekf;
 use crate::filter::parts::{Parts, followed};
@@ -24,7 +24,7 @@ use nalgebra::DMatrix;
 /// Largest number of Newton steps that refine a placed value.
 const STEPS: usize = 10;
 
-/// Size of a Newton step, in sigma of the block, from which on the value counts as found.
+/// Size of a Newton step, in sigma of the block, below which the value counts as found.
 const CONVERGED: f64 = 1e-6;
 
 impl Ekf {

@@ -75,7 +75,7 @@ impl Ekf {
         Ok(())
     }
 
-    /// Channels that fail alone, or are isolated, of a sample that the gate refuses.
+    /// Channels of a refused sample that fail alone or are isolated.
     fn failing(&self, attempt: &Attempt<'_>, nis: f64) -> Option<u16> {
         let slot = &self.parts.sensors[attempt.index];
         let isolated = slot.lockout.isolated();
@@ -87,7 +87,8 @@ impl Ekf {
         failing_alone(groups, &slot.thresholds, &self.work.update, attempt.present)
     }
 
-    /// Judges the channels that fail alone, and uses the others, or all of them if those are accepted.
+    /// Judges the channels that fail alone, and uses all channels if they are accepted, else the
+    /// others.
     fn correct_by_groups(
         &mut self,
         attempt: &Attempt<'_>,

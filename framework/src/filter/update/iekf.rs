@@ -11,7 +11,7 @@
 //! ```
 //! `d = P[:, columns] l` holds for every step, so that the prior costs `l' P l / 2` without an
 //! inverse, and only the columns that the model reads are iterated. A step is halved while the cost
-//! grows. The iteration ends when a step is below a thousandth of the prior sigma. Errors of
+//! grows. The iteration ends once a step is below a thousandth of the prior sigma. Errors of
 //! considered states stay linear, and these states stay where they are.
 
 use super::points::add_headings;
@@ -29,8 +29,8 @@ const CONVERGED: f64 = 1e-6;
 /// Number of halvings of a step before the iteration stops where it is.
 const HALVINGS: usize = 6;
 
-/// Iterated extended Kalman filter: linearises again at the estimate after the update, until it
-/// stays. For an accurate sensor and an estimate that is far off. Its memory is allocated once.
+/// Iterated extended Kalman filter: linearises again at the updated estimate until it converges.
+/// For an accurate sensor and an estimate that is far off. Its memory is allocated once.
 #[derive(Default)]
 pub struct Iterated {
     /// Linearisation at the trial of a step.
@@ -205,7 +205,7 @@ impl Iterated {
     }
 
     /// Takes the step in `next.l`, halved until the cost does not grow, and returns the cost there;
-    /// `None` if it grows still, or the model reads other states there.
+    /// `None` if the cost still grows, or the model reads other states there.
     fn step(
         &mut self,
         at: &At<'_>,

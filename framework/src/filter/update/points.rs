@@ -10,8 +10,8 @@
 //! q_ii = (z(e_i) + z(-e_i)) / s^2                second derivative along it
 //! q_ij = (z(u) + z(-u)) / s^2 - (q_ii + q_jj) / 2,    u = (e_i + e_j) / sqrt(2)
 //! ```
-//! The usual `2 n + 1` points give no mixed derivative `q_ij`, and with it they miss a product of
-//! two unknowns. The pairs cost `n (n - 1)` evaluations more.
+//! The usual `2 n + 1` points give no mixed derivative `q_ij`, and so miss a product of two
+//! unknowns. The pairs cost `n (n - 1)` more evaluations.
 
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::{Covariance, Update};
@@ -27,7 +27,7 @@ const DETERMINED: f64 = 1e-12;
 /// Values of the predicted channels.
 type Values = [f64; MAX_CHANNELS];
 
-/// Sigma points and what they give, allocated once.
+/// Sigma points and their results, allocated once.
 #[derive(Default)]
 pub(in crate::filter) struct SigmaPoints {
     at: State,
@@ -120,8 +120,8 @@ pub(in crate::filter) fn place(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
-/// Adds the heading of a velocity that the model reads and that turns with it: the velocity then
-/// moves along its own group at a sigma point.
+/// Adds the heading with which a velocity that the model reads turns: the velocity then moves along
+/// its own group at a sigma point.
 pub(in crate::filter) fn add_headings(layout: &Layout, update: &mut Update) {
     for (velocity, attitude) in layout.headings() {
         let reads = |column: &usize| update.columns.contains(column);
@@ -139,7 +139,7 @@ pub(in crate::filter) fn add_headings(layout: &Layout, update: &mut Update) {
     }
 }
 
-/// Computes the lower factor of the covariance of some columns. A column that those before it
+/// Computes the lower factor of the covariance of some columns. A column that the columns before it
 /// determine gets a diagonal of zero.
 pub(in crate::filter) fn factor(covariance: &Covariance, columns: &[usize], root: &mut Vec<f64>) {
     let w = columns.len();

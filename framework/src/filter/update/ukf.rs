@@ -18,8 +18,8 @@ use crate::model::sensor::rule::{Check, Prior, Rule, RuleType};
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::MAX_CHANNELS;
 
-/// Unscented update: linear regression over sigma points of the uncertainty. For a model that is
-/// curved within the uncertainty, however accurate the sensor.
+/// Unscented update: linear regression over sigma points of the uncertainty. It suits a model that
+/// is curved within the uncertainty, however accurate the sensor.
 #[derive(Default)]
 pub struct Unscented(SigmaPoints);
 

@@ -84,7 +84,7 @@ impl ChannelStatistics {
         }
     }
 
-    /// Returns `true` if the channel has enough innovations for a statement.
+    /// Returns `true` if the channel has enough innovations to be judged.
     pub(crate) fn used(&self) -> bool {
         self.count >= 3.0
     }

@@ -41,8 +41,8 @@ struct NisSums {
 
 saved!(NisSums { count, nis, expected, variance });
 
-/// What chance makes of the NIS of a sample: the moments of one that passes the gate, and the
-/// probability of being gated.
+/// Distribution of a consistent sample's NIS: its moments if it passes the gate, and the
+/// probability that the gate refuses it.
 #[derive(Clone, Copy, Debug)]
 struct Chance {
     mean: f64,
@@ -150,7 +150,7 @@ pub(crate) struct SensorStatistics {
     constraint: bool,
     whole: NisSums,
     memory: Memory,
-    /// Begin of the minute that goes on, and its sums.
+    /// Beginning of the current minute, and its sums.
     begin: Option<Time>,
     minute: NisSums,
     minutes: u64,
@@ -161,7 +161,7 @@ pub(crate) struct SensorStatistics {
     longest: Streak,
     expected_gated: f64,
     faulty: u64,
-    /// For each number of channels.
+    /// The distribution for each number of channels.
     chances: [Option<Chance>; MAX_CHANNELS + 1],
 }
 
@@ -213,7 +213,7 @@ impl SensorStatistics {
             ) => self.faulty += 1,
             // it contradicts the filter like a gated sample; the filter reports it as a finding
             Outcome::Rejected(Rejection::Isolated) => self.gated += 1,
-            // a missing channel and a silent driving sensor leave sigma as true as it was
+            // a missing channel and a silent driving sensor make no sigma wrong
             Outcome::Rejected(
                 Rejection::Missing | Rejection::NoInput | Rejection::Excluded | Rejection::Absent,
             )

@@ -113,8 +113,8 @@ impl Judge {
         ));
     }
 
-    /// Takes the driving sensor first where it is found useless and several sensors contradict the filter:
-    /// its fault explains all of them, and the fault of one sensor explains one.
+    /// Puts the driving sensor first if it was found useless and several sensors contradict the
+    /// filter: its fault explains all contradictions, the fault of another sensor only one.
     fn blame_the_driver(&self, reasons: &mut [Reason]) {
         let drives = |r: &Reason| {
             let drivers = self.infos.iter().filter(|info| info.purpose == Purpose::Input);
@@ -176,13 +176,13 @@ impl Judge {
     }
 }
 
-/// True for a fault of a part that makes the result useless: what compares the sensors contradicts the
-/// filter as well, and names healthy ones.
+/// True for a fault of a part that makes the result useless: comparisons of sensors then contradict
+/// the filter too, and name healthy sensors.
 fn names_the_fault(reason: &Reason) -> bool {
     (reason.criterion, reason.severity) == (Criterion::Finding, Severity::DoNotUse)
 }
 
-/// Takes samples that were gated or rejected as part of a fault of their sensor that was found and
+/// Counts gated or rejected samples as part of a fault of their sensor that was found and
 /// contained.
 fn contain(reasons: &mut [Reason]) {
     let faults: Vec<String> = (reasons.iter())
@@ -197,8 +197,8 @@ fn contain(reasons: &mut [Reason]) {
     }
 }
 
-/// The finding of each sensor or process with the highest severity, of these the one that says most
-/// (see [`Basis`]), of these the first: a fault may return.
+/// The most severe finding of each sensor or process; among equals the most specific one (see
+/// [`Basis`]), and then the first: a fault may return.
 fn of_each_part(findings: &[Finding]) -> Vec<&Finding> {
     let mut found: Vec<&Finding> = Vec::new();
     for finding in findings {

@@ -1,8 +1,8 @@
 //! Comparison of the estimate with a reference at the end.
 //!
-//! A simulated reference is the truth. Another one has errors of its own: it counts with the
-//! accuracy that it states, or else with that of a poor satellite receiver, so that it contradicts
-//! the estimate only where no other system would.
+//! A simulated reference is the truth. A recorded one has errors of its own: it counts with its
+//! stated accuracy, or else with the accuracy of a poor satellite receiver, so that only a gross
+//! difference contradicts the estimate.
 
 use super::report::{Report, reason};
 use crate::compose::Composition;

@@ -10,9 +10,8 @@ pub(crate) const FALSE_ALARM: f64 = 0.005;
 /// it: no decision depends on 5 %.
 pub(crate) const SLIGHT: f64 = 1.05;
 
-/// Ratio of actual to reported sigma up to which the result may be used, while the noise should be
-/// stated anew: the sigma is wrong by as little as a mean whose innovations drift or are correlated
-/// within their limits.
+/// Ratio of actual to reported sigma up to which the result may be used, although the noise should
+/// be stated anew: a drift or a correlation within its limit makes the sigma just as wrong.
 pub(crate) const SMALL: f64 = 1.2;
 
 /// Ratio of actual to reported sigma from which a result must not be used.

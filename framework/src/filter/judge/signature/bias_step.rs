@@ -6,7 +6,7 @@
 //! estimate then follows the samples that come, and its sigma holds.
 //!
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
-//! a filter needs the longer to follow a step, the longer it has learnt the constant.
+//! a filter that has learnt the constant for longer takes longer to follow a step.
 
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};

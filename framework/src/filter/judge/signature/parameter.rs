@@ -19,8 +19,8 @@ use std::any::TypeId;
 
 /// Score in sigma at which an error is significant, as that of a time offset is.
 const SIGNIFICANT: f64 = 6.0;
-/// Largest turn of a rotation to which the test is linear, rad. A fault that is none of the parameter's
-/// fits a larger one.
+/// Largest turn of a rotation to which the test is linear, rad. A fault elsewhere fits a larger
+/// turn.
 const LINEAR: f64 = 0.2;
 
 /// Component of a fixed block.
