@@ -34,8 +34,8 @@ impl Ekf {
         clones.transition.carry_reaches(followed(sensors, branch));
     }
 
-    /// Gives every past block the value of its source when the filter begins, before any sensor has
-    /// had a sample.
+    /// Gives every past block the value of its source when the filter begins; no sensor has taken it
+    /// yet.
     pub(in crate::filter) fn begin_past(&mut self) {
         let Parts { estimate, clones, .. } = &mut self.parts;
         for clones in clones {
