@@ -3,19 +3,23 @@
 use crate::error::{CommandError, Result};
 use crate::execution::input::{document, runs_folder, seconds};
 use crate::execution::run::print;
+use crate::execution::screen::Screen;
 use crate::execution::service::ServiceManager;
 use crate::output::progress::{end_on_signal, flag_on_hang_up};
+use crate::output::warnings::Warnings;
 use crate::output::{Format, line, warn};
 use clap::Args;
 use navfuse_core::compose::Composition;
 use navfuse_core::document::key;
 use navfuse_core::files::FolderLock;
+use navfuse_core::model::record::Event;
 use navfuse_core::model::sensor::{Purpose, Sensor};
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_live::{Options, Status, Watch, read_checkpoint, run};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The key by which the process of a sensor goes on without it.
@@ -30,6 +34,7 @@ const LATE: &str = "\"1 s\"";
 #[command(after_help = "\
 Examples:
   navfuse live vehicle.toml --resume
+  navfuse live vehicle.toml --tui
   navfuse live vehicle.toml --out /data/dive-7
   navfuse play run.mcap --speed 10 | navfuse live desk.toml --speed 10
 
@@ -50,6 +55,9 @@ pub struct Live {
     /// Go on from the checkpoint in the folder, if there is one
     #[arg(long)]
     pub resume: bool,
+    /// Show the run on the terminal while it goes on; the key q ends it
+    #[arg(long)]
+    pub tui: bool,
     /// Time between two checkpoints
     #[arg(long, value_name = "TIME", default_value = "5 s")]
     pub checkpoint: String,
@@ -64,13 +72,28 @@ pub fn speed(text: &str) -> std::result::Result<f64, String> {
     speed.ok_or_else(|| "a number above zero, such as 10, or inf".to_owned())
 }
 
-/// Keeps the last state of the run, and reports to the service manager.
-struct Last(Status, ServiceManager);
+/// Shows the run: on the screen, or its warnings as they come.
+struct Shown {
+    last: Status,
+    manager: ServiceManager,
+    screen: Option<Screen>,
+    warnings: Warnings,
+}
 
-impl Watch for Last {
+impl Watch for Shown {
     fn status(&mut self, status: &Status) {
-        self.0.clone_from(status);
-        self.1.alive();
+        self.last.clone_from(status);
+        self.manager.alive();
+        if let Some(screen) = &self.screen {
+            screen.status(status);
+        }
+    }
+
+    fn event(&mut self, event: &Event) {
+        match &self.screen {
+            Some(screen) => screen.event(event),
+            None => self.warnings.take(event),
+        }
     }
 }
 
@@ -88,12 +111,23 @@ pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
         .map_err(|e| CommandError::argument("--checkpoint", e.to_string()))?;
     let (speed, saved) = (arguments.speed, Some(folder.clone()));
     let options = Options { speed, folder: saved, checkpoints, resume, reopen };
-    let mut last = Last(Status::default(), ServiceManager::connect());
-    let finished = run(assemble, options, &stop, &mut last)?;
+    let mut shown = Shown {
+        last: Status::default(),
+        manager: ServiceManager::connect(),
+        screen: match arguments.tui {
+            true => Some(Screen::open(scenario.name(), Arc::clone(&stop))?),
+            false => None,
+        },
+        warnings: Warnings::default(),
+    };
+    let finished = run(assemble, options, &stop, &mut shown);
+    // the terminal is restored before anything is printed
+    shown.screen = None;
+    let finished = finished?;
     let text = arguments.format == Format::Text;
-    print(&finished, text)?;
+    print(&finished, &shown.warnings.others(&finished.events), text)?;
     if text {
-        let [median, most, largest] = last.0.latency_ms;
+        let [median, most, largest] = shown.last.latency_ms;
         line(format_args!(
             "latency from a sample to its estimate: median {median:.3} ms, 99 % {most:.3} ms, \
              largest {largest:.3} ms"

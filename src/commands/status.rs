@@ -3,7 +3,8 @@
 use crate::error::{CommandError, Result};
 use crate::output::{Format, line, table};
 use clap::Args;
-use navfuse_live::{STATUS, SensorState, Status as State};
+use navfuse_live::{STATUS, Status as State};
+use navfuse_observability::{Determination, words};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
@@ -53,27 +54,20 @@ fn print(state: &State, age: Duration) {
         false => "running".to_owned(),
     };
     line(format_args!("{}: {now}; {time}; {}", state.name, state.text));
-    for (what, sigma) in [
-        ("position, m", state.accuracy.position_m),
-        ("velocity, m/s", state.accuracy.velocity_mps),
-        ("attitude, deg", state.accuracy.attitude_deg),
-    ] {
-        if let Some([north, east, down]) = sigma {
-            line(format_args!("1-sigma of the {what}: {north:.3}, {east:.3}, {down:.3}"));
-        }
-    }
+    estimate(state);
     let [median, most, largest] = state.latency_ms;
     line(format_args!("latency, ms: median {median:.3}, 99 % {most:.3}, largest {largest:.3}"));
-    let columns = ["sensor", "state", "Hz", "age, s", "NIS", "used", "gated", "rejected"];
+    let columns = ["sensor", "state", "Hz", "age, s", "NIS", "share", "used", "gated", "rejected"];
     let mut rows = table(&[&columns[..], &["wrong stamps"]].concat());
     for sensor in &state.sensors {
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1}"));
         rows.add_row([
             sensor.name.clone(),
-            words(sensor.state).to_owned(),
+            sensor.state.word().to_owned(),
             number(sensor.rate_hz),
             number(sensor.age_s),
             number(sensor.nis),
+            sensor.share.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)),
             sensor.used.to_string(),
             sensor.gated.to_string(),
             sensor.rejected.to_string(),
@@ -81,6 +75,7 @@ fn print(state: &State, age: Duration) {
         ]);
     }
     line(format_args!("{rows}"));
+    open_states(state);
     if let Some(command) = &state.command {
         line(format_args!("last command: {command}"));
     }
@@ -104,14 +99,43 @@ fn print(state: &State, age: Duration) {
     }
 }
 
-fn words(state: SensorState) -> &'static str {
-    match state {
-        SensorState::Waiting => "waiting",
-        SensorState::Used => "used",
-        SensorState::Gated => "gated",
-        SensorState::Rejected => "rejected",
-        SensorState::Silent => "silent",
-        SensorState::Contradicting => "contradicting",
-        SensorState::Off => "off",
+/// Prints the estimate and its 1-sigma, as far as there is one.
+fn estimate(state: &State) {
+    let (values, sigmas) = (&state.estimate, &state.accuracy);
+    if let Some([latitude, longitude, height]) = values.position_deg_deg_m {
+        line(format_args!("position: {latitude:.7} deg, {longitude:.7} deg, height {height:.2} m"));
+    }
+    if let Some([north, east, down]) = values.velocity_ned_mps {
+        line(format_args!("velocity north, east, down, m/s: {north:.3}, {east:.3}, {down:.3}"));
+    }
+    if let Some([roll, pitch, heading]) = values.roll_pitch_heading_deg {
+        line(format_args!("roll, pitch, heading, deg: {roll:.3}, {pitch:.3}, {heading:.3}"));
+    }
+    for (what, sigma) in [
+        ("position, m", sigmas.position_m),
+        ("velocity, m/s", sigmas.velocity_mps),
+        ("attitude, deg", sigmas.attitude_deg),
+    ] {
+        if let Some([north, east, down]) = sigma {
+            line(format_args!("1-sigma of the {what}: {north:.3}, {east:.3}, {down:.3}"));
+        }
+    }
+}
+
+/// Prints the components of the state that are not determined yet, and what would help.
+fn open_states(state: &State) {
+    let count = state.states.iter().filter(|s| s.verdict == Determination::Determined).count();
+    if !state.states.is_empty() {
+        line(format_args!("{count} of {} components are determined", state.states.len()));
+    }
+    for open in &state.states {
+        if !matches!(open.verdict, Determination::InPart | Determination::NotDetermined) {
+            continue;
+        }
+        let sigma = words::short(open.sigma);
+        let help = open.manoeuvre.as_ref().map_or(String::new(), |m| format!("; would help: {m}"));
+        let why = open.missing.as_deref().unwrap_or_default();
+        let (title, unit, verdict) = (&open.title, &open.unit, open.verdict.text());
+        line(format_args!("{title}: {verdict}, 1-sigma {sigma} {unit}: {why}{help}"));
     }
 }

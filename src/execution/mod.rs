@@ -4,4 +4,5 @@ pub mod campaign;
 pub mod history;
 pub mod input;
 pub mod run;
+pub mod screen;
 pub mod service;

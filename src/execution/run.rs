@@ -101,7 +101,7 @@ pub fn execute(
     let bar = Bar::new(text);
     let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
-    print(&finished, text)?;
+    print(&finished, &finished.events, text)?;
     if options.live.serve && !finished.interrupted {
         wait(&stop);
     }
@@ -141,7 +141,8 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBu
     (!options.no_output).then(|| options.out.clone().unwrap_or_else(default))
 }
 
-pub fn print(finished: &Finished, text: bool) -> Result<()> {
+/// Prints the result of a run, and these of its warnings and errors.
+pub fn print(finished: &Finished, events: &[Event], text: bool) -> Result<()> {
     if text {
         if !Detail::is_quiet() {
             output::run::summary(&finished.summary);
@@ -150,7 +151,7 @@ pub fn print(finished: &Finished, text: bool) -> Result<()> {
     } else {
         output::line(summary(finished)?);
     }
-    output::run::events(&finished.events);
+    output::run::events(events);
     if text {
         output::run::verdict(&finished.summary.verdict);
     }

@@ -3,6 +3,7 @@
 pub mod budget;
 pub mod campaign;
 pub mod compare;
+pub mod dashboard;
 pub mod detect;
 pub mod diagnose;
 mod files;
@@ -12,6 +13,7 @@ pub mod scenarios;
 pub mod sensitivity;
 mod tables;
 pub mod terminal;
+pub mod warnings;
 
 pub use files::{check, write, write_files};
 pub use tables::{

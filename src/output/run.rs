@@ -232,17 +232,26 @@ pub fn events(events: &[Event]) {
         Detail::Usual => 20,
         Detail::Verbose => usize::MAX,
     };
-    let word = |e: &Event| if e.level == Level::Error { "error" } else { "warning" };
-    for e in events.iter().filter(|e| e.level < Level::Error).take(shown) {
-        warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
-    }
+    events.iter().filter(|e| e.level < Level::Error).take(shown).for_each(|e| event(e, 0));
     let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(shown);
     if more > 0 && Detail::get() != Detail::Quiet {
         warn(format_args!("and {more} more warnings: see the log"));
     }
-    for e in events.iter().filter(|e| e.level == Level::Error) {
-        warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
-    }
+    events.iter().filter(|e| e.level == Level::Error).for_each(|e| event(e, 0));
+}
+
+/// Prints an event on standard error, and the number of those about its part that are in the log alone.
+pub fn event(event: &Event, more: u64) {
+    let word = match event.level {
+        Level::Info => "note",
+        Level::Warning => "warning",
+        Level::Error => "error",
+    };
+    let more = match more {
+        0 => String::new(),
+        more => format!("; {more} more warnings about it came before: see the log"),
+    };
+    warn(format_args!("{word}: {}{}: {}{more}", when(event), event.about, event.text));
 }
 
 /// Sink that prints the notes of a run on standard error as they come.
@@ -255,15 +264,16 @@ impl Sink for Notes {
     }
 
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
-        let Record::Event(event) = record else { return Ok(()) };
-        if event.level == Level::Info {
-            warn(format_args!("note: {}{}: {}", when(event), event.about, event.text));
+        if let Record::Event(note) = record
+            && note.level == Level::Info
+        {
+            event(note, 0);
         }
         Ok(())
     }
 }
 
 /// The time of an event with a space, or nothing for one without a time.
-fn when(event: &Event) -> String {
+pub fn when(event: &Event) -> String {
     if event.time == Time::MIN { String::new() } else { format!("{} ", event.time) }
 }

@@ -1,6 +1,6 @@
 //! The datagrams of a socket as one stream.
 
-use crate::port::{PATIENCE, Remark};
+use crate::port::{PATIENCE, Remark, is_worth_a_report};
 use navfuse_core::model::record::Level;
 use std::io::{ErrorKind, Read, Result};
 use std::net::{SocketAddr, UdpSocket};
@@ -31,12 +31,12 @@ impl Datagrams {
     fn look(&mut self) {
         self.looked = Instant::now();
         let dropped = dropped(&self.socket).unwrap_or_default();
-        if (dropped + 1).ilog2() > (self.dropped + 1).ilog2() {
+        if is_worth_a_report(self.dropped, dropped) {
             let text = format!("{dropped} datagrams dropped: they came faster than they were read");
             // the feed that logs it ends with this port
             self.remarks.send(Remark::Report(Level::Warning, text)).ok();
-            self.dropped = dropped;
         }
+        self.dropped = dropped;
     }
 }
 

@@ -23,7 +23,7 @@ pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample, unix_time};
 pub use feed::PortFeed;
 pub use instrument::{write_fix, write_water_linked};
 pub use mavlink::{Autopilot, MavlinkFormat, MavlinkMessage};
-pub use port::Remark;
+pub use port::{Remark, is_worth_a_report};
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
 pub use serial::{Serial, serial_port};

@@ -15,6 +15,11 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5
 /// Opens a port, which may make remarks. Its reads wait for at most [`PATIENCE`].
 pub type Open = Box<dyn FnMut(&Sender<Remark>) -> Result<Box<dyn Read + Send>> + Send>;
 
+/// Whether a count of losses that has grown is worth a report: the first loss is, and each doubling.
+pub fn is_worth_a_report(before: u64, now: u64) -> bool {
+    now.saturating_add(1).ilog2() > before.saturating_add(1).ilog2()
+}
+
 /// A remark of a port beside its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Remark {
@@ -107,6 +112,13 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use std::sync::mpsc::channel;
+
+    #[test]
+    fn losses_are_reported_at_the_first_and_whenever_their_number_has_doubled() {
+        let reported = |k: &u64| is_worth_a_report(k - 1, *k);
+        assert_eq!((1..100).filter(reported).collect::<Vec<_>>(), [1, 3, 7, 15, 31, 63]);
+        assert!(is_worth_a_report(0, u64::MAX) && !is_worth_a_report(5, 5));
+    }
 
     #[test]
     fn a_port_that_is_lost_is_opened_again_and_the_attempts_become_rarer() {

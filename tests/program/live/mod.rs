@@ -6,4 +6,5 @@ mod embedded;
 mod faults;
 mod mavlink;
 mod restart;
+mod screen;
 mod sockets;

@@ -1,11 +1,14 @@
 //! The driver of a live run: it owns the clock and the threads.
 
+use crate::determined::Determined;
 use crate::error::LiveError;
-use crate::health::{Accuracy, SensorState, Sensors, Status};
+use crate::events::Events;
+use crate::health::Sensors;
 use crate::latency::Latency;
 use crate::ports::Ports;
 use crate::saver::{CHECKPOINT, STATUS, Saver};
 use crate::stamps::Judged;
+use crate::status::{Estimate, SensorState, Status};
 use navfuse_core::checkpoint::Checkpoint;
 use navfuse_core::model::record::{Epoch, Event, Level};
 use navfuse_core::model::sensor::conversion::Converter;
@@ -56,6 +59,9 @@ pub trait Watch {
     fn newest(&mut self, _epoch: &Epoch<'_>) {}
     /// Receives the state of the run, once a second and at its end.
     fn status(&mut self, _status: &Status) {}
+    /// Receives each event and each finding as it comes; one that the log has not got yet has the time
+    /// [`Time::MIN`].
+    fn event(&mut self, _event: &Event) {}
 }
 
 impl Watch for () {}
@@ -96,6 +102,8 @@ pub(crate) struct Driver {
     converters: Vec<Option<Converter>>,
     names: Vec<String>,
     sensors: Sensors,
+    determined: Determined,
+    events: Events,
     latency: Latency,
     saver: Option<Saver>,
     /// The reason for which the run has no checkpoint, once it is reported.
@@ -122,7 +130,11 @@ impl Driver {
         let infos: Vec<_> = composition.sensors.iter().map(|s| s.info.clone()).collect();
         let sensors = Sensors::new(&infos, options.speed);
         sinks.iter_mut().for_each(|(_, sink)| sink.never_wait());
+        let determined = Determined::new(options.resume.is_some());
+        let events = Events::default();
         sinks.push(("live".to_owned(), Box::new(sensors.clone())));
+        sinks.push(("determined".to_owned(), Box::new(determined.clone())));
+        sinks.push(("events".to_owned(), Box::new(events.clone())));
         let begin = Instant::now();
         Ok(Self {
             name: composition.name.clone(),
@@ -142,6 +154,8 @@ impl Driver {
             },
             ports,
             sensors,
+            determined,
+            events,
             latency: Latency::default(),
             unsaved: None,
             command: None,
@@ -175,6 +189,7 @@ impl Driver {
             _ => None,
         };
         let mut finished = self.session.finish(end);
+        self.events.fresh().iter().for_each(|event| watch.event(event));
         finished.summary.wall_s = self.begin.elapsed().as_secs_f64();
         let ports = self.reset.then_some(self.ports);
         if let Some(saver) = self.saver {
@@ -198,6 +213,7 @@ impl Driver {
                 None if self.ports.have_ended() => break,
                 None => self.wait()?,
             }
+            self.events.fresh().iter().for_each(|event| watch.event(event));
             if self.reopen.swap(false, Ordering::Relaxed) {
                 self.session.reopen();
             }
@@ -310,7 +326,9 @@ impl Driver {
 
     /// Logs an event with the next sample, or at the end of the run if it is more than information.
     fn report(&mut self, level: Level, about: String, text: String) {
-        self.reports.push(Event { time: Time::MIN, level, about, text });
+        let event = Event { time: Time::MIN, level, about, text };
+        self.events.announce(&event);
+        self.reports.push(event);
     }
 
     /// Lets the time of the run go on while the driving sensor is silent.
@@ -331,7 +349,8 @@ impl Driver {
             self.report(Level::Warning, about, text);
         }
         let running = self.session.running();
-        let newest = self.session.newest(|epoch| (epoch.state.time.seconds(), Accuracy::of(epoch)));
+        let newest = self.session.newest(|epoch| (epoch.state.time.seconds(), Estimate::of(epoch)));
+        let (estimate, accuracy) = newest.map(|(_, estimate)| estimate).unwrap_or_default();
         let milliseconds = |latency: Duration| latency.as_secs_f64() * 1e3;
         let mut sensors = self.sensors.status(Instant::now(), &verdict);
         for (k, sensor) in sensors.iter_mut().enumerate() {
@@ -340,11 +359,14 @@ impl Driver {
                 sensor.state = SensorState::Off;
             }
         }
+        self.determined.share(&mut sensors);
         let status = Status {
             name: self.name.clone(),
             running,
             time_s: newest.map(|(time, _)| time),
-            accuracy: newest.map_or(Accuracy::default(), |(_, accuracy)| accuracy),
+            estimate,
+            accuracy,
+            states: self.determined.states(),
             sensors,
             verdict: verdict.level,
             text: verdict.text,

@@ -1,142 +1,18 @@
-//! The state of a run and of its sensors while it goes on.
+//! The sensors of a run while it goes on.
 
-use crate::delays::ClockStatus;
+use crate::status::{SensorState, SensorStatus};
 use navfuse_core::model::record::finding::Severity;
-use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
-use navfuse_core::model::record::{Epoch, Outcome, Record, Wants};
+use navfuse_core::model::record::verdict::Verdict;
+use navfuse_core::model::record::{Outcome, Record, Wants};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Sink, StreamError};
-use navfuse_core::state::Vehicle;
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::Time;
-use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// Samples over which the mean NIS reaches.
 const LATEST: f64 = 50.0;
-
-/// State of a sensor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SensorState {
-    /// No sample has arrived.
-    #[default]
-    Waiting,
-    /// Its samples are used.
-    Used,
-    /// The gate refused its latest sample.
-    Gated,
-    /// Its latest sample could not be used.
-    Rejected,
-    /// No sample has arrived for longer than usual.
-    Silent,
-    /// It contradicts the other sensors, or a fault of it was found.
-    Contradicting,
-    /// A command switched it off.
-    Off,
-}
-
-/// A sensor while the run goes on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SensorStatus {
-    /// Name in the scenario.
-    pub name: String,
-    /// State.
-    pub state: SensorState,
-    /// Samples that arrived.
-    pub samples: u64,
-    /// Samples that were used.
-    pub used: u64,
-    /// Samples that the gate refused.
-    pub gated: u64,
-    /// Samples that could not be used.
-    pub rejected: u64,
-    /// Samples whose time stamp contradicts its arrival, which never reach the filter.
-    pub refused: u64,
-    /// Samples that arrived while a command had switched it off.
-    #[serde(default)]
-    pub left_out: u64,
-    /// Mean NIS of its latest samples by their degrees of freedom, about 1 where its noise is right.
-    #[serde(default)]
-    pub nis: Option<f64>,
-    /// Usual rate of the samples, Hz.
-    pub rate_hz: Option<f64>,
-    /// Time since the latest sample, s.
-    pub age_s: Option<f64>,
-    /// Its clock.
-    #[serde(default)]
-    pub clock: ClockStatus,
-}
-
-/// A link while the run goes on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LinkStatus {
-    /// Name in the scenario.
-    pub name: String,
-    /// Samples that it gave.
-    pub samples: u64,
-    /// Samples that were dropped, since the filter did not keep up with them.
-    pub dropped: u64,
-    /// Set once it has ended.
-    pub ended: bool,
-}
-
-/// The 1-sigma of the newest estimate along or about north, east and down, as far as it is estimated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Accuracy {
-    /// Position, m.
-    pub position_m: Option<[f64; 3]>,
-    /// Velocity, m/s.
-    pub velocity_mps: Option<[f64; 3]>,
-    /// Attitude, deg.
-    pub attitude_deg: Option<[f64; 3]>,
-}
-
-impl Accuracy {
-    /// The accuracy of an estimate.
-    pub fn of(epoch: &Epoch<'_>) -> Self {
-        let sigma = |slot: usize| {
-            let first = epoch.layout.blocks[slot].tangent?;
-            Some([0, 1, 2].map(|k| epoch.covariance.sigma(first + k)))
-        };
-        let Vehicle { position, velocity, attitude } = epoch.layout.vehicle();
-        Self {
-            position_m: position.and_then(|block| sigma(block.slot())),
-            velocity_mps: velocity.and_then(|block| sigma(block.slot())),
-            attitude_deg: attitude
-                .and_then(|block| sigma(block.slot()))
-                .map(|sigma| sigma.map(f64::to_degrees)),
-        }
-    }
-}
-
-/// A run while it goes on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Status {
-    /// Name of the scenario.
-    pub name: String,
-    /// Set once there is an estimate.
-    pub running: bool,
-    /// Time of the newest estimate on the run's clock, s.
-    pub time_s: Option<f64>,
-    /// Its 1-sigma.
-    #[serde(default)]
-    pub accuracy: Accuracy,
-    /// Verdict so far.
-    pub verdict: VerdictLevel,
-    /// Verdict so far, in one line.
-    pub text: String,
-    /// Sensors.
-    pub sensors: Vec<SensorStatus>,
-    /// Links.
-    pub links: Vec<LinkStatus>,
-    /// The last command, and what came of it.
-    #[serde(default)]
-    pub command: Option<String>,
-    /// Latency from a sample to its estimate, ms: median, 99 %, largest.
-    pub latency_ms: [f64; 3],
-}
 
 /// What is known of one sensor.
 #[derive(Debug)]

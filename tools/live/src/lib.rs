@@ -6,19 +6,22 @@
 //! [`Live`] is the same for a program that pushes samples itself.
 
 mod delays;
+mod determined;
 mod driver;
 mod error;
+mod events;
 mod health;
 mod latency;
 mod live;
 mod ports;
 mod saver;
 mod stamps;
+mod status;
 
 pub use delays::ClockStatus;
 pub use driver::{Options, Watch, run};
 pub use error::LiveError;
-pub use health::{Accuracy, LinkStatus, SensorState, SensorStatus, Status};
 pub use latency::Latency;
 pub use live::{Live, Newest};
 pub use saver::{CHECKPOINT, STATUS, read_checkpoint};
+pub use status::{Accuracy, Estimate, LinkStatus, SensorState, SensorStatus, StateStatus, Status};

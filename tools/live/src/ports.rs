@@ -1,10 +1,11 @@
 //! The links of a run, and what else outlasts a reset of it.
 
-use crate::health::LinkStatus;
 use crate::stamps::Stamps;
+use crate::status::LinkStatus;
 use navfuse_core::compose::Composition;
 use navfuse_core::model::stream::{Arrivals, Inbox, NamedFeed, StreamError};
 use navfuse_core::units::time::Span;
+use navfuse_links::is_worth_a_report;
 use std::thread::Builder;
 
 /// The links, the clocks of the sensors, and the sensors that are switched off.
@@ -57,13 +58,12 @@ impl Ports {
         self.links.iter().all(|link| link.ended)
     }
 
-    /// Counts the samples that the links dropped, and returns a text for each link that is worth one: a
-    /// link that floods the run is reported at once, and again whenever its count has doubled.
+    /// Counts the samples that the links dropped, and returns a text for each link that is worth one.
     pub(crate) fn count_dropped(&mut self) -> Vec<(String, String)> {
         let mut reports = Vec::new();
         for (k, link) in self.links.iter_mut().enumerate() {
             let dropped = self.arrivals.dropped(k);
-            if (dropped + 1).ilog2() > (link.dropped + 1).ilog2() {
+            if is_worth_a_report(link.dropped, dropped) {
                 let text = format!("{dropped} samples dropped: they came faster than the filter");
                 reports.push((link.name.clone(), text));
             }

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Block, Layout, Mode};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One component of an uncertain block.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ impl Component {
 }
 
 /// How far the run determines a component.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Determination {
     /// At most a sixteenth of its variance is still prior.

@@ -4,7 +4,7 @@
 use crate::Determination;
 use crate::report::StateReport;
 use crate::theorem::{RemarkReport, SegmentView};
-use crate::words::short;
+use crate::words::{AHEAD, TURN, short};
 
 /// Names of the body axes, and the motion with a specific force along each.
 const AXES: [(&str, &str); 3] = [("x", "forward"), ("y", "sideways"), ("z", "up or down")];
@@ -34,11 +34,10 @@ impl SegmentView {
             let rank = self.type_i.rank;
             let along = self.type_i.axis(0);
             if rank == 0 && (s.state == scale || s.state == misalignment) {
-                s.missing = Some(
+                s.missing = Some(format!(
                     "the specific force has not varied at constant attitude for 10 s or longer \
-                     so far: accelerate straight ahead"
-                        .into(),
-                );
+                     so far: {AHEAD}"
+                ));
             } else if rank == 1 && s.state == misalignment && s.component == ANGLES[along] {
                 let others: Vec<&str> =
                     [(0, "accelerate ahead"), (1, "thrust sideways"), (2, "dive")]
@@ -60,7 +59,7 @@ impl SegmentView {
                 // An accelerometer bias is constant in body axes, while the gravity that a tilt
                 // adds turns with the heading: only a turn separates the two.
                 s.missing = Some(format!(
-                    "{so_far}: without a turn the bias looks the same as a tilt; turn by 90 deg"
+                    "{so_far}: without a turn the bias looks the same as a tilt; {TURN}"
                 ));
             }
         }

@@ -12,6 +12,7 @@ use navfuse_core::session::Finished;
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition, Update};
 use navfuse_core::state::manifold::MAX_TANGENT;
+use navfuse_core::units::Unit;
 use navfuse_core::units::sample::SensorId;
 use navfuse_core::units::time::{Span, Time};
 
@@ -28,6 +29,8 @@ pub struct SensorShare {
     pub name: String,
     /// Set if the sensor updates the state.
     pub measures: bool,
+    /// Set if it measures velocities alone, as a DVL does.
+    pub velocity: bool,
     /// Used samples.
     pub used: u64,
     /// Information on each component of the initial error, bits.
@@ -94,6 +97,19 @@ impl Propagation {
             work: Covariance::zero(layout.tangent),
         }
     }
+
+    /// Begins with the prior of the scenario.
+    fn of_prior(layout: &Layout) -> Self {
+        let state = layout.initial_state();
+        let mut covariance = Covariance::zero(layout.tangent);
+        for block in layout.blocks.iter().filter(|b| b.tangent.is_some()) {
+            let (prior, range) = (block.prior(&state.values), block.tangent_range());
+            for (k, &p) in prior.iter().enumerate() {
+                covariance.set(range.start + k % range.len(), range.start + k / range.len(), p);
+            }
+        }
+        Self::new(layout, &state.values, &covariance)
+    }
 }
 
 impl Tracker {
@@ -107,6 +123,7 @@ impl Tracker {
         let sensor = |s: &navfuse_core::model::sensor::SensorInfo| SensorShare {
             name: s.name.clone(),
             measures: s.purpose == Purpose::Measurement,
+            velocity: s.channels.iter().all(|c| c.unit == Unit::METRE_PER_SECOND),
             used: 0,
             bits: vec![0.0; n],
             reads: vec![false; n],
@@ -146,6 +163,14 @@ impl Tracker {
             times: Vec::new(),
             history: Vec::new(),
         }
+    }
+
+    /// Begins with the prior of the scenario, for a run that goes on from a checkpoint: its first
+    /// estimate is not the start.
+    pub fn begin_with_prior(&mut self) {
+        let started = Propagation { moved: true, ..Propagation::of_prior(&self.layout) };
+        self.first = Some(started.clone());
+        self.started = Some(started);
     }
 
     /// Returns the layout of the state.
@@ -255,19 +280,10 @@ impl Tracker {
 
     /// Takes a correction of the state.
     fn correction(&mut self, update: &Update) {
-        // a filter without a driving sensor may correct before its first epoch: begin with the
-        // prior
+        // a filter without a driving sensor may correct before its first epoch
         let layout = &self.layout;
         let started = self.started.get_or_insert_with(|| {
-            let state = layout.initial_state();
-            let mut covariance = Covariance::zero(layout.tangent);
-            for block in layout.blocks.iter().filter(|b| b.tangent.is_some()) {
-                let (prior, range) = (block.prior(&state.values), block.tangent_range());
-                for (k, &p) in prior.iter().enumerate() {
-                    covariance.set(range.start + k % range.len(), range.start + k / range.len(), p);
-                }
-            }
-            let started = Propagation::new(layout, &state.values, &covariance);
+            let started = Propagation::of_prior(layout);
             self.first = Some(started.clone());
             started
         });

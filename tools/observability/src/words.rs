@@ -9,6 +9,13 @@ const PARTNER: f64 = 0.5;
 /// Largest number of named partners.
 const PARTNERS: usize = 2;
 
+/// Motion that determines the scale factor of a velocity log, and two angles of its misalignment.
+pub(crate) const AHEAD: &str = "accelerate straight ahead";
+/// Motion with forces along a second axis.
+pub(crate) const SIDEWAYS: &str = "thrust sideways or dive";
+/// Motion that separates the bias of an accelerometer, which turns with the vehicle, from a tilt.
+pub(crate) const TURN: &str = "turn by 90 deg";
+
 /// Explains why the component is not determined; `None` if it is.
 pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     let (component, now) = (&tracker.components()[i], &tracker.status()[i]);
@@ -71,6 +78,24 @@ pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
         "{reading}; so far it is determined only together with {}{grown}",
         with.join(" and ")
     ))
+}
+
+/// The motion that helps to determine the component, by the conditions of Theorem 1 of Pan & Wu (2016)
+/// and its remarks; `None` if it is determined, or if they have none for it.
+pub fn manoeuvre(tracker: &Tracker, i: usize) -> Option<&'static str> {
+    let (component, now) = (&tracker.components()[i], &tracker.status()[i]);
+    if !matches!(now.verdict, Determination::InPart | Determination::NotDetermined) {
+        return None;
+    }
+    let (owner, state) = component.state.rsplit_once('.')?;
+    let log = tracker.sensors().iter().any(|s| s.name == owner && s.velocity && s.measures);
+    match (state, component.name.as_str()) {
+        ("accel_bias", "x" | "y") => Some(TURN),
+        // Remark 2: forces along one axis leave the angle about it open
+        ("misalignment", "roll") if log => Some(SIDEWAYS),
+        ("misalignment" | "scale", _) if log => Some(AHEAD),
+        _ => None,
+    }
 }
 
 /// Returns the components whose remaining initial errors correlate most with this one, and the
