@@ -5,6 +5,7 @@ mod desk;
 mod embedded;
 mod faults;
 mod mavlink;
+mod outages;
 mod restart;
 mod screen;
 mod sockets;
