@@ -8,7 +8,7 @@ use crate::state::Layout;
 use crate::state::covariance::Transition;
 use batch::Batch;
 use std::panic::resume_unwind;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -144,7 +144,7 @@ impl<S: Sink> Background<S> {
 /// Starts the thread of a sink, for which so many batches wait at most.
 fn start<S: Sink>(sink: S, layout: Layout, most: usize) -> Result<Thread<S>, StreamError> {
     let (batches, queue) = sync_channel::<Batch>(most);
-    let (returned, empty) = channel();
+    let (returned, empty) = sync_channel(QUEUE);
     let work = move || {
         let (mut sink, mut places) = (sink, Transition::default());
         for mut batch in queue {
@@ -152,8 +152,8 @@ fn start<S: Sink>(sink: S, layout: Layout, most: usize) -> Result<Thread<S>, Str
                 return (sink, Err(error));
             }
             batch.clear();
-            // once the run is over, nobody takes the batch back
-            returned.send(batch).ok();
+            // a few are used again: a queue that was long once leaves no memory behind it
+            returned.try_send(batch).ok();
         }
         (sink, Ok(()))
     };

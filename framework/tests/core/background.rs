@@ -291,8 +291,18 @@ fn a_sink_that_is_dropped_before_its_end_has_received_everything() {
     };
     // as a run that ends without its end, after its start and before it
     sink.take(&Record::Event(&event("before the run"))).unwrap();
-    let composition = compose(SCENARIO, &[]);
-    let run = RunInfo {
+    sink.start(&cart()).unwrap();
+    let samples = samples(20);
+    samples.iter().for_each(|sample| sink.take(&Record::Sample(sample)).unwrap());
+    drop(sink);
+    let lines = witness.lines();
+    assert!(lines[0].contains("before the run"));
+    assert_eq!(lines.len(), 2 + samples.len());
+}
+
+/// A run without sensors.
+fn cart() -> RunInfo {
+    RunInfo {
         name: "cart".into(),
         description: None,
         scenario: String::new(),
@@ -300,14 +310,34 @@ fn a_sink_that_is_dropped_before_its_end_has_received_everything() {
         simulated: false,
         smoothed: false,
         version: String::new(),
-        layout: (*composition.layout).clone(),
+        layout: (*compose(SCENARIO, &[]).layout).clone(),
         sensors: Vec::new(),
+    }
+}
+
+/// A second queue of the same length takes as much memory anew, since nobody kept that of the first.
+#[test]
+fn a_queue_that_was_long_once_leaves_no_memory_behind_it() {
+    let witness = Witness::of(Wants::SAMPLES);
+    let mut sink = Background::new(witness.clone());
+    sink.never_wait();
+    sink.start(&cart()).unwrap();
+    let all = samples(2000);
+    let mut queue = || {
+        let before = witness.lines().len();
+        let held = witness.still.lock().unwrap();
+        let taken = allocation_counter::measure(|| {
+            all.iter().for_each(|sample| sink.take(&Record::Sample(sample)).unwrap());
+        });
+        drop(held);
+        // the last batch is not full
+        while witness.lines().len() + 256 < before + all.len() {
+            std::thread::yield_now();
+        }
+        taken.bytes_total
     };
-    sink.start(&run).unwrap();
-    let samples = samples(20);
-    samples.iter().for_each(|sample| sink.take(&Record::Sample(sample)).unwrap());
-    drop(sink);
-    let lines = witness.lines();
-    assert!(lines[0].contains("before the run"));
-    assert_eq!(lines.len(), 2 + samples.len());
+    let (first, second) = (queue(), queue());
+    // 22 000 samples of 152 bytes; a few batches of 256 are used again
+    assert!(first > 3_000_000, "{first}");
+    assert!(second > first / 2, "{first} bytes, then {second}");
 }
