@@ -10,7 +10,7 @@ use crate::output::warnings::Warnings;
 use crate::output::{Format, line, warn};
 use clap::Args;
 use navfuse_core::compose::Composition;
-use navfuse_core::document::key;
+use navfuse_core::document::{Document, key};
 use navfuse_core::files::FolderLock;
 use navfuse_core::model::record::Event;
 use navfuse_core::model::sensor::{Purpose, Sensor};
@@ -28,6 +28,11 @@ const COAST: &str = "coast";
 const SLOW: &str = "{ turn = \"1 deg/s/sqrt(Hz)\", acceleration = \"0.1 m/s^2/sqrt(Hz)\" }";
 /// The key `late` of the sensors that have none.
 const LATE: &str = "\"1 s\"";
+/// The type of the log, the keys by which it begins new files, and the setting of a log without them: the
+/// index of a file is in memory until the file ends.
+const LOG: &str = "mcap";
+const ROTATES: [&str; 2] = ["rotate_every", "rotate_mb"];
+const ROTATE: &str = "rotate_every=\"6 h\"";
 
 /// Arguments of `live`.
 #[derive(Debug, Args)]
@@ -145,8 +150,13 @@ fn on_vehicle<'a>(registry: &'a Registry, arguments: &Live) -> Result<Scenario<'
         scenario.set(&setting)?;
         warn(format_args!("note: the run goes on where [sensor.{name}] is silent: {setting}"));
     }
+    let rotate = rotating(&scenario, &document, &arguments.set)?;
+    for setting in &rotate {
+        scenario.set(setting)?;
+        warn(format_args!("note: the log goes on in new files: {setting}"));
+    }
     let late = waiting(&composition);
-    let settings = [&arguments.set[..], &late].concat();
+    let settings = [&arguments.set[..], &rotate, &late].concat();
     let mut waits = Scenario::new(registry, document, &settings)?;
     // an estimator that cannot go back has no late samples
     if waits.compose().is_err() {
@@ -159,6 +169,20 @@ fn on_vehicle<'a>(registry: &'a Registry, arguments: &Live) -> Result<Scenario<'
         warn(format_args!("note: its samples may arrive after newer ones of the IMU: {setting}"));
     }
     Ok(waits)
+}
+
+/// The settings by which logs begin new files, for those whose table does not say when.
+fn rotating(scenario: &Scenario<'_>, document: &Document, set: &[String]) -> Result<Vec<String>> {
+    let mut document = document.clone();
+    set.iter().try_for_each(|setting| document.set(setting))?;
+    let (root, mut settings) = (document.root(), Vec::new());
+    for sink in scenario.sinks_of_type(LOG)? {
+        let table = root.get("sink").and_then(|sinks| sinks.get(&sink));
+        if !table.is_some_and(|table| ROTATES.iter().any(|key| table.get(key).is_some())) {
+            settings.push(format!("sink.{}.{ROTATE}", key(&sink)));
+        }
+    }
+    Ok(settings)
 }
 
 /// The settings by which samples of sensors may arrive after those of the driving sensor: each link

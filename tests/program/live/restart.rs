@@ -168,6 +168,21 @@ fn a_log_that_begins_new_files_replays_as_one_to_the_same_bits() {
     assert_eq!(replay(&earlier.path().join("run.mcap"))["states"], by_age["states"]);
 }
 
+#[test]
+fn a_log_goes_on_in_a_new_file_every_six_hours_unless_the_scenario_says_when() {
+    let note = "note: the log goes on in new files: sink.mcap.rotate_every=\"6 h\"";
+    for (settings, noted) in [
+        (&[][..], true),
+        (&["--set", "sink.mcap.rotate_mb=9"], false),
+        (&["--set", "sink.mcap.enabled=false"], false),
+    ] {
+        let desk = Desk::new(STDIN);
+        let live = desk.live(&[&["--speed", "inf"], settings].concat());
+        let text = stderr(&live.wait_with_output().unwrap());
+        assert_eq!(text.contains(note), noted, "{settings:?}: {text}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn the_signal_hup_begins_a_new_log_file_and_the_run_goes_on() {
