@@ -49,6 +49,9 @@ def _panels(run: Run, name: str) -> list[Panel]:
     if name in run.innovations:
         innovations = run.innovations[name]
         return [(1, _channel(innovations, k)) for k in range(len(innovations.channels))]
+    if name not in run:
+        names = ", ".join(["track", *run, *run.innovations])
+        raise KeyError(f"no state or sensor {name!r}; the names are {names}")
     return [(1, _component(run[name], k)) for k in range(len(run[name].components))]
 
 

@@ -20,7 +20,15 @@ _BEFORE = 4
 
 @dataclass(frozen=True)
 class Reason:
-    """A reason of a verdict: the evidence and its remedy."""
+    """A reason of a verdict: the evidence and its remedy.
+
+    Attributes:
+        criterion: the test that found it, such as ``unused``.
+        severity: ``doubtful`` or ``do_not_use``.
+        about: the sensor or state.
+        text: the evidence.
+        remedy: what to change.
+    """
 
     criterion: str
     severity: str
@@ -54,7 +62,17 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault that the filter found, with its remedy. ``time_s`` is None for the whole run."""
+    """A fault that the filter found.
+
+    Attributes:
+        time_s: when the filter found it, s; None for the whole run. The fault may be older: see ``text``.
+        about: the sensor or state.
+        severity: ``note``, ``contained``, ``doubtful`` or ``do_not_use``.
+        basis: ``samples`` of the sensor alone, ``comparison`` with other sensors, or ``explanation`` by
+            an error of known size.
+        text: the fault.
+        remedy: what to change.
+    """
 
     time_s: float | None
     about: str
@@ -66,7 +84,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class Event:
-    """A warning or an error of a run. ``time_s`` is None for the whole run."""
+    """A warning or an error of a run.
+
+    Attributes:
+        time_s: s; None for the whole run.
+        level: ``warning`` or ``error``.
+        about: the sensor or state.
+        text: what happened.
+    """
 
     time_s: float | None
     level: str
@@ -77,6 +102,10 @@ class Event:
 @dataclass(frozen=True)
 class State:
     """A state over time, in the unit that the command prints.
+
+    The first axis is the time, and the second axis the component, even of a state with a single one:
+    ``state.estimate[-1]`` is the last estimate, and ``run["dvl.scale"].sigma[:, 0]`` has one number for
+    each time. A state of an :class:`Epoch` has the shape (k,).
 
     Attributes:
         name: such as ``ins.velocity``.
@@ -106,7 +135,10 @@ class State:
 
     @cached_property
     def quaternion(self) -> Array:
-        """The rotation as ``[w, x, y, z]``, shape (n, 4), for a state of roll, pitch and yaw."""
+        """The rotation as ``[w, x, y, z]``, shape (n, 4), for a state of roll, pitch and yaw.
+
+        ``scipy.spatial.transform.Rotation.from_quat`` takes it with ``scalar_first=True``.
+        """
         if not self.rotation:
             raise TypeError(f"{self.name} is no rotation")
         half = np.radians(self.estimate) / 2.0
@@ -152,6 +184,14 @@ class Innovations:
     def accepted(self) -> NDArray[np.bool_]:
         """Which samples corrected the state, shape (m,)."""
         return np.equal(self.outcome, "accepted")
+
+
+class _BySensor(dict[str, Innovations]):
+    """Innovations by sensor."""
+
+    def __missing__(self, sensor: str) -> Innovations:
+        sensors = ", ".join(self) or "none"
+        raise KeyError(f"no innovations of {sensor!r}; the sensors with innovations are {sensors}")
 
 
 class _States(Mapping[str, State]):
@@ -216,7 +256,7 @@ class Run(_States):
         super().__init__(estimate, table)
         self.time: Array = table[0] if len(table) else np.empty(0)
         tables = (_innovations(json.loads(text), data) for text, data in result["innovations"])
-        self.innovations: dict[str, Innovations] = {i.sensor: i for i in tables}
+        self.innovations: dict[str, Innovations] = _BySensor((i.sensor, i) for i in tables)
         self.samples: dict[str, dict[str, Array]] = {
             sensor: dict(zip(names, _table(data, len(names))))
             for sensor, names, data in result.get("samples", ())
@@ -251,8 +291,12 @@ class Run(_States):
     def covariance(self, index: int = -1) -> tuple[list[str], Array]:
         """The covariance at an epoch, for a run with ``covariance=True``.
 
+        Args:
+            index: of the epoch in ``time``; ``numpy.searchsorted(run.time, 80.0)`` is the one at 80 s.
+
         Returns:
-            The names of the d components, and the covariance, shape (d, d), in their units.
+            The names of the d components, such as ``ins.velocity.east``, and the covariance, shape
+            (d, d), in the units of ``sigma``. A position is north, east and down.
         """
         pairs = [h for h in self.columns if "_cov" in h and "*" in h]
         if not pairs:
@@ -291,9 +335,11 @@ class Run(_States):
         show(self._log)
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        """The columns as a table of Arrow without a copy, for polars, pandas and others.
+        """The columns as a table of Arrow without a copy.
 
-        ``polars.DataFrame(run)`` and ``pandas.DataFrame.from_arrow(run)`` call it. It needs pyarrow.
+        ``pyarrow.table(run)`` and ``pandas.DataFrame.from_arrow(run)`` call it. It needs pyarrow.
+        ``polars.DataFrame(run.columns)`` needs none; ``polars.DataFrame(run)`` takes the run for a
+        mapping of states.
         """
         import pyarrow
 

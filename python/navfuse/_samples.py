@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ Table = tuple[tuple[bytes, bool], list[str], bytes]
 
 def times(values: Any, scale: float | None = 1.0) -> tuple[bytes, bool]:
     """Times in s as bytes; whole numbers without a scale, and dates, are nanoseconds."""
+    if getattr(getattr(values, "dtype", None), "tz", None) is not None:  # dates of pandas with a zone
+        values = values.to_numpy(dtype="datetime64[ns]")
     array = np.atleast_1d(np.asarray(values))
     if array.dtype.kind == "M":
         return array.astype("datetime64[ns]").astype(np.int64).tobytes(), True
@@ -41,18 +44,61 @@ def table(data: Any, channels: list[str]) -> Table:
             wanted = ", ".join(["time", *channels])
             raise ValueError(f"the array has the shape {array.shape}; its columns are {wanted}")
         return times(array[:, 0]), channels, array[:, 1:].T.tobytes()
-    found = [name for name in _TIMES if name in names]
-    if found:
-        at = times(_column(data, found[0]), _TIMES[found[0]])
-    elif hasattr(data, "index") and not isinstance(data, Mapping):
-        at = times(data.index)
-    else:
-        raise ValueError(f"no column with the time: name it time_s or time_ns; there are {names}")
-    others = [n for n in names if n not in _TIMES and _is_number(_column(data, n))]
-    columns = [np.asarray(_column(data, name), dtype=np.float64) for name in others]
-    if any(c.size != len(at[0]) // 8 for c in columns):
+    at = times(*_time(data, names))
+    _check_order(at)
+    given = {n: np.asarray(data[n]) for n in names if n not in _TIMES}
+    columns = {n: c for n, c in given.items() if c.dtype.kind in "fiub"}
+    lacking = [channel for channel in channels if not any(_of(n, channel) for n in columns)]
+    columns |= {n: c for n, c in given.items() if n not in columns and any(_of(n, x) for x in lacking)}
+    numbers = {n: _numbers(n, c) for n, c in columns.items()}
+    if any(c.size != len(at[0]) // 8 for c in numbers.values()):
         raise ValueError("the columns differ in length")
-    return at, others, b"".join(c.tobytes() for c in columns)
+    return at, list(numbers), b"".join(c.tobytes() for c in numbers.values())
+
+
+def warn_of_unused(
+    sensor: str, channels: Mapping[str, str], headings: Sequence[str], fits: Callable[[str], bool]
+) -> None:
+    """Warns if a channel has no column and a column fits no channel: a heading may be misspelt."""
+    used = [heading for heading in headings if fits(heading)]
+    unused = [heading for heading in headings if heading not in used]
+    missing = [channel for channel in channels if not any(_of(heading, channel) for heading in used)]
+    if missing and unused:
+        units = ", ".join(f"{name} ({channels[name] or 'ratio'})" for name in missing)
+        text = f"[sensor.{sensor}] has no column for {units}; these fit no channel: {', '.join(unused)}"
+        warnings.warn(text, stacklevel=3)
+
+
+def _time(data: Any, names: Sequence[str]) -> tuple[Any, float | None]:
+    """The times of a table, from a column or the index, and their factor to seconds."""
+    for name, scale in _TIMES.items():
+        if name in names:
+            return data[name], scale
+    index = None if isinstance(data, Mapping) else getattr(data, "index", None)
+    # whole numbers without a name count the rows
+    if index is None or callable(index) or (index.name is None and index.dtype.kind in "iu"):
+        raise ValueError(f"no column with the time: name it time_s or time_ns; there are {', '.join(names)}")
+    return index, _TIMES.get(index.name, 1.0)
+
+
+def _check_order(at: tuple[bytes, bool]) -> None:
+    """Refuses a table whose newest rows come first."""
+    array = np.frombuffer(at[0], dtype=np.int64 if at[1] else np.float64)
+    if array.size and array[0] > array[-1]:
+        raise ValueError("the last row is before the first; sort the rows by time")
+
+
+def _of(heading: str, channel: str) -> bool:
+    """Whether a heading is the name of a channel, alone or with a unit."""
+    return heading == channel or heading.startswith(f"{channel}_")
+
+
+def _numbers(name: str, column: Any) -> Any:
+    """A column as numbers; None is NaN."""
+    try:
+        return column.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the column {name} has no numbers: {error}") from None
 
 
 def _names(data: Any) -> list[str] | None:
@@ -65,11 +111,3 @@ def _names(data: Any) -> list[str] | None:
             return [str(name) for name in names]
     names = getattr(getattr(data, "dtype", None), "names", None)
     return None if names is None else list(names)
-
-
-def _column(data: Any, name: str) -> Any:
-    return np.asarray(data[name])
-
-
-def _is_number(column: Any) -> bool:
-    return column.dtype.kind in "fiub"

@@ -8,13 +8,14 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, cast
 
 import numpy as np
 
 from navfuse import _navfuse, _samples
 from navfuse._campaign import Campaign
-from navfuse._errors import NavfuseError, RunError, ScenarioError
+from navfuse._errors import DataError, NavfuseError, RunError, ScenarioError
 from navfuse._process import Process
 from navfuse._run import Epoch, Run
 from navfuse._sensor import Class, Sensor
@@ -109,10 +110,21 @@ class Scenario:
     def set(self, key: str | Mapping[str, object], value: object = None) -> Scenario:
         """The scenario with another value, or with those of a mapping.
 
-        A text is a quantity with its unit, such as ``"2 cm/s"``. ``set("sensor.dvl.noise=2 cm/s")``
-        is what ``--set`` of the command takes.
+        A text is a quantity with its unit, such as ``"2 cm/s"``; a number alone is for keys without a
+        unit. ``set("sensor.dvl.noise=2 cm/s")`` is what ``--set`` of the command takes.
+
+        A wrong key or value is an error of :meth:`check` and :meth:`run`, which know the types.
+
+        >>> scenario = Scenario.from_toml(QUICKSTART).set("sensor.dvl.nose", "2 cm/s")
+        >>> try:
+        ...     scenario.check()
+        ... except ScenarioError as error:
+        ...     print(error.key, error.remedy[:21])
+        sensor.dvl.nose did you mean "noise"?
         """
         if isinstance(key, str):
+            if value is None and "=" not in key:
+                raise TypeError(f"{key!r} needs a value: set({key!r}, value)")
             texts = [key] if value is None else [_assignment(key, value)]
         else:
             texts = [_assignment(k, v) for k, v in key.items()]
@@ -156,7 +168,7 @@ class Scenario:
             covariance: keep the covariance between all states: :meth:`Run.covariance`.
             progress: True shows a bar in a notebook, or on standard error; a function receives the time that the run
                 has reached and its end, s, about 20 times a second.
-            on_epoch: a sink: receives each estimate while the run goes on.
+            on_epoch: a sink: receives each estimate while the run goes on. Its exception ends the run.
 
         Raises:
             ScenarioError: the scenario does not fit.
@@ -201,23 +213,34 @@ class Scenario:
                 of pyarrow, a mapping of columns, a structured array, or an array whose first column
                 is the time. Columns are named after the channels, with their unit, as in CSV files:
                 ``vel_x_mps`` or ``vel_x_cmps``; without a unit they are in SI. The time is in
-                ``time_s``, ``time_ms``, ``time_us`` or ``time_ns``, or in the index.
+                ``time_s``, ``time_ms``, ``time_us`` or ``time_ns``, or in the index; dates are taken
+                too. :meth:`check` names the channels. A channel without a column is missing in every
+                sample; a warning names it if the table has columns that fit no channel.
+
+        A sensor without a table has no samples: give the ``reference`` too if it starts the filter.
 
         Raises:
-            ValueError: a table has no time, or columns of different lengths.
-            DataError: no column belongs to a channel.
+            ValueError: a table has no time, falling times, or columns of different lengths.
+            DataError: no column belongs to a channel, or a driving sensor lacks one.
         """
         if samples is not None:
             if sensors:
                 raise TypeError("give an iterable or tables, not both")
             return self._with(self._inner.with_iterable(samples))
         inner = self._inner.without_samples()
-        channels = {s["name"]: list(s["channels"]) for s in json.loads(inner.describe())["sensors"]}
-        order = list(channels)  # of samples of one time, as in a recording
-        known = {sensor: order.index(sensor) for sensor in sensors if sensor in channels}
+        described = {s["name"]: s for s in json.loads(inner.describe())["sensors"]}
+        order = list(described)  # of samples of one time, as in a recording
+        known = {sensor: order.index(sensor) for sensor in sensors if sensor in described}
         for sensor, data in sorted(sensors.items(), key=lambda item: known.get(item[0], -1)):
-            at, headings, columns = _samples.table(data, channels.get(sensor, []))
+            channels = described[sensor]["channels"] if sensor in described else {}
+            try:
+                at, headings, columns = _samples.table(data, list(channels))
+            except ValueError as error:
+                raise ValueError(f"[sensor.{sensor}]: {error}") from None
             inner = inner.with_rows(sensor, at, headings, columns)
+            if described[sensor]["purpose"] != "drives a process":  # which needs all its channels
+                fits = partial(_fits, inner, sensor)
+                _samples.warn_of_unused(sensor, channels, headings, fits)
         return self._with(inner)
 
     def with_sensors(self, *sensors: type[Sensor]) -> Scenario:
@@ -253,7 +276,9 @@ class Scenario:
             progress: as in :meth:`run`, with the number of runs.
 
         Returns:
-            The report that ``navfuse monte-carlo --format json`` prints.
+            The report that ``navfuse monte-carlo --format json`` prints. ``report["points"][0]`` has
+            ``states`` (RMSE against sigma and bound), ``anees`` and ``nis`` with their bands, ``worst``
+            and ``verdict``.
         """
         campaign = self.campaign(runs, seed=seed, drawn=drawn, start=start, every=every)
         return self._campaign(campaign, jobs, out, progress)
@@ -318,8 +343,12 @@ class Scenario:
     def diagnose(self, *, jobs: int | None = None, progress: bool | Progress = False) -> dict[str, Any]:
         """Finds the change of the scenario that explains its samples: runs them again with each.
 
+        The price: hundreds of runs. ``set("estimator.stop", "200 s")`` bounds each of them.
+
         Returns:
-            The result that ``navfuse diagnose --format json`` prints.
+            The result that ``navfuse diagnose --format json`` prints: ``unchanged``, and the ``trials``,
+            the best first, each with its ``change``, ``settings`` for :meth:`set`, ``gain``, ``level``
+            and ``verdict``.
         """
         with _shown(progress) as show:
             return _loaded(_navfuse.diagnose(self._inner, jobs, show))
@@ -354,6 +383,15 @@ def finished(result: dict[str, Any]) -> Run:
     return run
 
 
+def _fits(inner: _navfuse.Scenario, sensor: str, heading: str) -> bool:
+    """Whether a column belongs to a channel of a sensor."""
+    try:
+        inner.with_rows(sensor, (b"", False), [heading], b"")
+    except DataError:
+        return False
+    return True
+
+
 def _assignment(key: str, value: object) -> str:
     """``key=value`` with the value in TOML."""
     return f"{key}={_toml(value)}"
@@ -364,6 +402,8 @@ def _toml(value: object) -> str:
         return "{" + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, (np.generic, np.ndarray)):
+        return _toml(value.tolist())
     if isinstance(value, (bool, str)):
         return json.dumps(value)
     if isinstance(value, os.PathLike):
@@ -388,6 +428,10 @@ def _shown(progress: bool | Progress) -> Iterator[Progress | None]:
 
 
 def read_log(path: str | os.PathLike[str]) -> Run:
-    """The log of a run, ``run.mcap``, as it was recorded: no filter runs again."""
+    """The log of a run, ``run.mcap`` or its folder, as it was recorded: no filter runs again.
+
+    ``samples`` of the result has the samples of each sensor, simulated ones included.
+    """
     name = os.fspath(path)
+    name = os.path.join(name, "run.mcap") if os.path.isdir(name) else name
     return Run(_navfuse.read_log(name), log=name)

@@ -86,7 +86,10 @@ class States:
         self._places = places
 
     def __getitem__(self, name: str) -> Array:
-        return self._at(*self._places.full[name])
+        place = self._places.full.get(name)
+        if place is None:
+            raise KeyError(f"the class does not read {name!r}; it reads {', '.join(self._places.full)}")
+        return self._at(*place)
 
     def __getattr__(self, name: str) -> Array:
         place = self._places.short.get(name)
@@ -124,7 +127,9 @@ class Sensor:
     """A sensor: derive from it, and pass the class to :meth:`Scenario.with_sensors`.
 
     The table ``[sensor.NAME]`` of a scenario has the type's name as its ``type``, or as NAME, and the
-    arguments of ``__init__`` as its keys, with their defaults.
+    arguments of ``__init__`` as its keys, with their defaults. They arrive as the scenario has them:
+    numbers are in SI, and ``"5 cm"`` is a text. The key ``simulation`` simulates the sensor by ``predict``
+    and ``noise``.
 
     >>> class Log(Sensor):
     ...     '''Speed through the water, ahead.'''
@@ -142,7 +147,8 @@ class Sensor:
         type: name of the type in a scenario.
         channels: names of the channels, and their SI units.
         reads: full names of the states that :meth:`predict` reads.
-        parameters: states of the sensor's own, by name.
+        parameters: states of the sensor's own, by name: ``x.scale`` in :meth:`predict`, and
+            ``run["log.scale"]`` in the result.
         angles: channels that are angles, whose differences are wrapped into +-pi.
         noise: 1-sigma of all channels, or of each; or their covariance, shape (channels, channels).
         vectorised: set if :meth:`predict` takes many states at once. Derivatives then cost one call.
@@ -225,7 +231,10 @@ def describe(sensor: type[Sensor], table: str) -> Description:
 
 def covariance(noise: ArrayLike, channels: int) -> Array:
     """The covariance of a 1-sigma, of one for each channel, or of a matrix."""
-    given = np.asarray(noise, dtype=np.float64)
+    try:
+        given = np.asarray(noise, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"noise is {noise!r}; a number in SI is needed, without a unit") from None
     if given.ndim == 2:
         matrix = given
     else:

@@ -16,8 +16,11 @@ from navfuse._scenario import Scenario, finished
 class Session:
     """A run while it goes on: samples are pushed in the order of their arrival.
 
-    A session has no clock and reads no source: it takes what is pushed. The keys ``late`` of the
-    scenario's sensors allow samples that arrive after later ones.
+    A session has no clock and reads no source: it takes what is pushed. The driving sensor moves the
+    estimate to the time of its samples, and a sample of an earlier time is then rejected. So either push
+    the samples of all sensors in order of time, or give the other sensors the key ``late``, such as
+    ``set("sensor.dvl.late", "1 s")`` for blocks of a second. The estimate starts as in a run: with the
+    first sample of the reference after ``estimator.start``, or with values that the scenario gives.
 
     >>> import navfuse
     >>> session = Session(Scenario.from_toml(navfuse.QUICKSTART))
@@ -29,6 +32,8 @@ class Session:
     def __init__(self, scenario: Scenario, *, covariance: bool = False) -> None:
         """Composes a scenario; ``covariance`` as in :meth:`Scenario.run`."""
         self._inner = _navfuse.Session(scenario._inner, covariance)
+        sensors = json.loads(scenario._inner.describe())["sensors"]
+        self._channels = {s["name"]: tuple(s["channels"]) for s in sensors}
         self._estimate: dict[str, Any] = json.loads(self._inner.text)
 
     def push(self, sensor: str, time: ArrayLike, values: ArrayLike) -> None:
@@ -44,7 +49,13 @@ class Session:
             ValueError: no such sensor, or the shapes do not fit.
             RunError: the run cannot go on; :meth:`finish` returns everything until then.
         """
-        self._inner.push(sensor, _samples.times(time), _samples.rows(values))
+        rows = np.asarray(values, dtype=np.float64)
+        channels = self._channels.get(sensor)
+        if channels is not None and rows.shape not in (shapes := _shapes(np.size(time), len(channels))):
+            wanted = " or ".join(map(str, shapes))
+            names = ", ".join(channels)
+            raise ValueError(f"{sensor}: the values have the shape {rows.shape}; {wanted} is needed, of {names}")
+        self._inner.push(sensor, _samples.times(time), _samples.rows(rows))
 
     def tick(self, time: float) -> None:
         """Lets the time go on to ``time``, s, without a sample: silent sensors are reported."""
@@ -63,3 +74,15 @@ class Session:
     def finish(self) -> Run:
         """Ends the run, and returns its result."""
         return finished(self._inner.finish())
+
+
+def _shapes(rows: int, channels: int) -> list[tuple[int, ...]]:
+    """The shapes that samples may have: a row has no axis of its own, nor has a single channel."""
+    shapes: list[tuple[int, ...]] = [(rows, channels)]
+    if rows == 1:
+        shapes.append((channels,))
+    if channels == 1:
+        shapes.append((rows,))
+    if rows == channels == 1:
+        shapes.append(())
+    return list(dict.fromkeys(shapes))

@@ -142,5 +142,5 @@ def test_figures_have_a_panel_for_each_number(run):
     assert len(figure.axes) == 1 + 1 + 3 + 3
     assert "consistent" in figure.get_suptitle()
     assert len(run.plot().axes) > 15
-    with pytest.raises(KeyError, match="no state 'sonar'"):
+    with pytest.raises(KeyError, match="no state or sensor 'sonar'.*track.*dvl"):
         run.plot("sonar")

@@ -88,7 +88,9 @@ def test_innovations_are_counted_as_in_the_summary(run):
     assert (dvl.outcome == "gated").sum() == counts["gated"]
     assert np.isclose(dvl.nis[dvl.accepted].mean(), counts["mean_nis"], rtol=1e-12)
     assert dvl.value.shape == dvl.sigma.shape == (dvl.time.size, len(dvl.channels))
-    assert "imu" not in run.innovations
+    assert "imu" not in run.innovations and run.innovations.get("imu") is None
+    with pytest.raises(KeyError, match="'imu'.*dvl, depth"):
+        run.innovations["imu"]
 
 
 def test_a_run_is_shown_with_its_verdict(run):

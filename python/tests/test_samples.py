@@ -1,5 +1,7 @@
 """Samples in memory, sessions, iterators and sinks: the same numbers as from files, to the bit."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas
 import pyarrow
@@ -31,6 +33,7 @@ def arrivals(log):
 def test_a_log_has_the_run_as_it_was_recorded(recorded):
     run, log = recorded
     assert same(run, log) and list(run) == list(log)
+    assert same(navfuse.read_log(Path(run.paths["mcap"]).parent), log)
     assert log.verdict == run.verdict and log.findings == run.findings
     assert (log.innovations["dvl"].outcome == run.innovations["dvl"].outcome).all()
     assert np.array_equal(log.innovations["dvl"].nis, run.innovations["dvl"].nis, equal_nan=True)
@@ -71,6 +74,40 @@ def test_frames_are_taken_and_given_without_a_copy(recorded, short):
     assert np.shares_memory(table["dvl.scale.k"].chunk(0).to_numpy(), run.columns["dvl.scale.k"])
 
 
+def test_polars_takes_the_columns_without_a_copy(run):
+    polars = pytest.importorskip("polars")
+    frame = polars.DataFrame(run.columns)
+    assert frame.columns == list(run.columns)
+    scale = frame["dvl.scale.k"].to_numpy(allow_copy=False)
+    assert np.shares_memory(scale, run.columns["dvl.scale.k"])
+
+
+def test_times_of_a_frame_are_dates_or_a_named_index(recorded, short):
+    run, log = recorded
+    frame = pandas.DataFrame(log.samples["depth"])
+    dates = pandas.to_datetime(np.round(frame.time_s * 1e9).astype(np.int64), unit="ns", utc=True)
+    millis = frame.assign(time_ms=np.round(frame.time_s * 1e3).astype(np.int64))
+    tables = [
+        frame.assign(time=dates).drop(columns="time_s"),
+        frame.drop(columns="time_s").set_index(pandas.DatetimeIndex(dates)),
+        millis.drop(columns="time_s").set_index("time_ms"),
+    ]
+    for table in tables:
+        again = short.with_samples(**dict(log.samples) | {"depth": table}).run()
+        assert again.innovations["depth"].time.tolist() == run.innovations["depth"].time.tolist()
+
+
+def test_a_column_that_fits_no_channel_is_named_if_a_channel_lacks_one(recorded, short, recwarn):
+    _, log = recorded
+    dvl = pandas.DataFrame(log.samples["dvl"])
+    short.with_samples(dvl=dvl.assign(quality=1.0, vel_x_flag="A"))
+    short.with_samples(dvl=dvl.drop(columns="vel_x_mps"))
+    assert not recwarn.list
+    for heading in ("velx_mps", "vel_x_kg"):
+        with pytest.warns(UserWarning, match=rf"no column for vel_x \(m/s\).*{heading}"):
+            short.with_samples(dvl=dvl.rename(columns={"vel_x_mps": heading}))
+
+
 def test_a_table_that_does_not_fit_is_an_exception_with_the_columns_that_are_wanted(short):
     time = np.arange(3.0)
     with pytest.raises(navfuse.DataError, match="no column for vel_x.*vel_x_mps.*speed"):
@@ -81,6 +118,12 @@ def test_a_table_that_does_not_fit_is_an_exception_with_the_columns_that_are_wan
         short.with_samples(dvl={"vel_x_mps": time})
     with pytest.raises(ValueError, match="shape"):
         short.with_samples(dvl=np.zeros((3, 9)))
+    with pytest.raises(ValueError, match=r"sensor.depth.*time_s.*when"):
+        short.with_samples(depth=pandas.DataFrame({"when": time, "depth_m": time}))
+    with pytest.raises(ValueError, match="sort"):
+        short.with_samples(depth={"time_s": time[::-1], "depth_m": time})
+    with pytest.raises(ValueError, match="depth_m has no numbers.*deep"):
+        short.with_samples(depth={"time_s": time, "depth_m": ["deep"] * 3})
     with pytest.raises(navfuse.DataError, match="finite"):
         short.with_samples(depth=np.full((3, 2), np.nan))
 
@@ -148,7 +191,11 @@ def test_what_a_session_cannot_take_is_an_exception(short):
     session = navfuse.Session(short)
     with pytest.raises(ValueError, match="no sensor .sonar"):
         session.push("sonar", 1.0, [1.0])
-    with pytest.raises(ValueError, match="1 rows of 3 channels"):
+    with pytest.raises(ValueError, match=r"dvl: .* \(1,\); .*\(3,\) is needed, of vel_x"):
         session.push("dvl", 1.0, [1.0])
+    with pytest.raises(ValueError, match=r"\(6, 2\); \(2, 6\) is needed"):
+        session.push("imu", [1.0, 1.01], np.zeros((6, 2)))
+    session.push("depth", 1.0, 12.3)
+    session.push("depth", [1.5, 2.0], [12.3, 12.4])
     with pytest.raises(navfuse.DataError, match="73 years"):
         session.push("depth", 1e12, [1.0])

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import navfuse
@@ -14,6 +15,11 @@ def test_a_scenario_never_changes(short):
     assert short.to_toml() == before
     assert "seed = 5" in other.to_toml() and 'noise = "2 cm/s"' in other.to_toml()
     assert other.set("seed=6").to_toml() == other.set("seed", 6).to_toml()
+    assert other.set("seed", np.int64(6)).to_toml() == other.set("seed", 6).to_toml()
+    lever_arm = {"sensor.dvl.lever_arm": np.array([1.0, 2.0])}
+    assert "lever_arm = [1.0, 2.0]" in other.set(lever_arm).to_toml()
+    with pytest.raises(TypeError, match="needs a value"):
+        other.set("sensor.dvl.noise")
 
 
 def test_check_names_states_and_sensors(short):

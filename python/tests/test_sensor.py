@@ -128,6 +128,8 @@ def test_a_mistake_in_a_table_of_a_sensor_in_python_has_its_place(short):
     assert caught.value.key == "sensor.log.trth"
     with pytest.raises(navfuse.ScenarioError, match="there is no state ins.sped"):
         short.with_sensors(type("Lost", (Log,), {"reads": ("ins.sped",)})).set(LOG).check()
+    with pytest.raises(navfuse.ScenarioError, match="'5 cm'; a number in SI is needed"):
+        short.with_sensors(Depth).set("sensor.python-depth", {"noise": "5 cm"}).check()
     with pytest.raises(navfuse.ScenarioError, match="positive 1-sigma"):
         short.with_sensors(type("Exact", (Log,), {"noise": 0.0})).set(LOG).check()
     with pytest.raises(TypeError, match="derived from navfuse.Sensor"):
