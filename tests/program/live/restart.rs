@@ -80,13 +80,28 @@ fn a_run_that_was_killed_goes_on_from_its_checkpoint_with_a_larger_sigma() {
     let imu: String = imu.map(|(_, _, line)| format!("{line}\r\n")).collect();
     let resumed = desk.pass(imu.as_bytes(), &["--resume", "--speed", "inf"]);
     assert!(warnings(&resumed).contains("without a sample: the process coasted"), "{resumed}");
-    let before = Desk::new(STDIN).pass(&part(0.0, 20.0), &["--speed", "inf"]);
+    let whole = Desk::new(STDIN);
+    let before = whole.pass(&part(0.0, 20.0), &["--speed", "inf"]);
     let north = |result: &Value, key: &str| {
         result["states"]["ins.position"][key][0].as_f64().unwrap_or_else(|| panic!("{result}"))
     };
     let (small, large) = (north(&before, "sigma"), north(&resumed, "sigma"));
     assert!(large > 1.5 * small, "{small} m, {large} m");
     assert!(north(&resumed, "error").abs() < 5.0 * large);
+    // the checkpoint has what was found out: the prior of the scenario, not the first estimate, is the start
+    let biases = determined(&whole);
+    assert!(biases.iter().any(|bias| bias.1 == "determined"), "{biases:?}");
+    assert_eq!(determined(&desk), biases);
+}
+
+/// The verdict on each bias of the accelerometers in the last state of a run.
+fn determined(desk: &Desk) -> Vec<(String, String)> {
+    let state = std::fs::read(desk.path("live/live.json")).unwrap();
+    let state: Value = serde_json::from_slice(&state).unwrap();
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    let all = state["states"].as_array().unwrap().iter();
+    let biases = all.filter(|s| s["title"].as_str().unwrap().contains("accel_bias"));
+    biases.map(|s| (text(&s["title"]), text(&s["verdict"]))).collect()
 }
 
 #[test]

@@ -50,11 +50,28 @@ fn a_recording_is_played_over_udp_and_the_state_of_the_run_is_seen_meanwhile() {
     let live = desk.live(&["--speed", "10"]);
     desk.wait_for("it listens", |_| true);
     let mut player = play(&desk, &format!("udp://127.0.0.1:{port}"), "10");
-    desk.wait_for("an estimate", |s| s["running"] == true && s["sensors"][0]["state"] == "used");
+    desk.wait_for("an estimate", |s| {
+        s["running"] == true
+            && s["sensors"][0]["state"] == "used"
+            && s["states"].as_array().is_some_and(|states| !states.is_empty())
+            && s["sensors"][2]["share"].is_number()
+    });
     let status = navfuse(&["status", &desk.path("live").display().to_string()]);
     assert!(status.status.success());
-    for word in ["running", "imu", "dvl", "used", "NIS", "1-sigma of the position, m: "] {
-        assert!(stdout(&status).contains(word), "{}", stdout(&status));
+    for word in [
+        "running",
+        "imu",
+        "dvl",
+        "used",
+        "NIS",
+        "share",
+        "position: 43.0",
+        "1-sigma of the position, m: ",
+        "components are determined",
+        "ins.accel_bias x: not determined, 1-sigma ",
+        "; would help: turn by 90 deg",
+    ] {
+        assert!(stdout(&status).contains(word), "{word}: {}", stdout(&status));
     }
     player.kill().unwrap();
     player.wait().unwrap();
