@@ -210,6 +210,32 @@ fn crates(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// All files of sources below a folder.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("the folder is there") {
+        let path = entry.expect("it can be read").path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// A file of unit tests beside its source may be longer.
+#[test]
+fn no_file_of_sources_has_more_than_470_lines() {
+    let (mut folders, mut files) = (Vec::new(), Vec::new());
+    crates(root(), &mut folders);
+    folders.iter().for_each(|folder| sources(folder, &mut files));
+    assert!(files.len() > 500, "{} files", files.len());
+    for file in files {
+        let name = file.file_stem().and_then(|n| n.to_str()).expect("a name");
+        let lines = std::fs::read_to_string(&file).expect("it can be read").lines().count();
+        assert!(name.ends_with("tests") || lines <= 470, "{}: {lines} lines", file.display());
+    }
+}
+
 #[test]
 fn no_circle_of_any_crate_has_more_than_two_files() {
     let mut folders = Vec::new();

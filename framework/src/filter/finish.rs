@@ -1,7 +1,6 @@
 //! The end of a run: what the filter reports after the last sample.
 
 use super::ekf::Ekf;
-use super::judge::noise_level::NoiseLevel;
 use super::judge::reject::rejected;
 use super::screen::screened::Driver;
 use crate::model::record::{Event, Level, Observer, Rejection};
@@ -17,8 +16,9 @@ impl Ekf {
         }
         for (slot, sensor) in self.parts.sensors.iter().zip(&self.composition.sensors) {
             let level = slot.noise.as_ref().filter(|_| slot.adaptive);
-            if let Some((text, limit)) = level.map(NoiseLevel::words) {
-                let level = if limit { Level::Warning } else { Level::Info };
+            if let Some(noise) = level {
+                let level = if noise.is_at_limit() { Level::Warning } else { Level::Info };
+                let text = noise.words();
                 observer.event(Event { time, level, about: slot.name.clone(), text });
             }
             // the alignment has already reported the samples of its own constraint

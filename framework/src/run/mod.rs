@@ -8,6 +8,7 @@ mod inputs;
 mod merge;
 mod mistakes;
 mod parts;
+mod placing;
 mod rules;
 pub mod runner;
 pub mod scenario;

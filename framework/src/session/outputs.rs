@@ -179,14 +179,16 @@ impl Outputs {
     /// Judges the run, which an `error` ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
         self.derive(true);
-        let verdict = self.judge.verdict(&self.findings, error, self.statistics.compared());
+        let (compared, end) = (self.statistics.compared(), self.statistics.last_epoch());
+        let verdict = self.judge.verdict(&self.findings, error, compared, end);
         self.send(time, &Record::Verdict(&verdict));
         verdict
     }
 
     /// Judges the run so far.
     pub(crate) fn health(&self) -> Verdict {
-        self.judge.clone().verdict(&self.findings, None, self.statistics.compared())
+        let (compared, end) = (self.statistics.compared(), self.statistics.last_epoch());
+        self.judge.clone().verdict(&self.findings, None, compared, end)
     }
 
     /// Closes the open sinks, all at the same time, and returns the places that they wrote to.

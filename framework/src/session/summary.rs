@@ -207,9 +207,14 @@ impl Statistics {
     }
 
     /// The last comparison of each block with its truth, of the smoothed estimates where there are
-    /// any, and the time of the last estimate.
-    pub(crate) fn compared(&self) -> (&[Compared], Option<Time>) {
-        (&self.smoothed.as_ref().unwrap_or(&self.comparison).compared, self.last_epoch)
+    /// any.
+    pub(crate) fn compared(&self) -> &[Compared] {
+        &self.smoothed.as_ref().unwrap_or(&self.comparison).compared
+    }
+
+    /// Time of the last epoch.
+    pub(crate) fn last_epoch(&self) -> Option<Time> {
+        self.last_epoch
     }
 
     /// A warning for each sensor that gave no sample.

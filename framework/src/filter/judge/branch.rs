@@ -28,6 +28,7 @@
 //! 1000 : 1 for the sensor's fault, or have fallen by as much.
 
 use crate::checkpoint::saved;
+use crate::filter::judge::measured::Measured;
 use crate::filter::judge::whiteness::Whiteness;
 use crate::model::record::{Event, Level};
 use crate::model::sensor::Sensor;
@@ -68,11 +69,17 @@ pub(in crate::filter) struct Branch {
 
 saved!(Branch { sensor, since, effect, offset, variance, ended, odds, began, whiteness });
 
-/// `d`, `M` and the logarithm of `L` of the rows of an update that are `own`.
-fn offset_of(
-    update: &Update,
-    own: impl Fn(usize) -> bool,
-) -> Option<(DVector<f64>, DMatrix<f64>, f64)> {
+/// The offset of some channels that a sample gives.
+struct Offset {
+    d: DVector<f64>,
+    /// `M`.
+    variance: DMatrix<f64>,
+    /// Logarithm of `L`.
+    ln: f64,
+}
+
+/// The offset of the rows of an update that are `own`.
+fn offset_of(update: &Update, own: impl Fn(usize) -> bool) -> Option<Offset> {
     let (own, rest): (Vec<usize>, Vec<usize>) = (0..update.m).partition(|row| own(*row));
     let y = |rows: &[usize]| {
         DVector::from_iterator(rows.len(), rows.iter().map(|a| update.innovation[*a]))
@@ -84,7 +91,8 @@ fn offset_of(
     let (d, variance) = (y(&own) - &gain * y(&rest), s(&own, &own) - &gain * s(&rest, &own));
     let m = own.len() as f64;
     let square = d.dot(&variance.clone().cholesky()?.solve(&d)).max(m);
-    Some((d, variance, 0.5 * (square - m - m * (square / m).ln())))
+    let ln = 0.5 * (square - m - m * (square / m).ln());
+    Some(Offset { d, variance, ln })
 }
 
 /// Fit of a case to an innovation.
@@ -111,12 +119,13 @@ impl Branch {
     /// Begins with a sample, before the covariance is widened, for an error state of dimension `n`.
     /// `groups` are the channels that may be offset alone or together. Call after [`Update::innovate`].
     pub(super) fn new(
-        (sensor, present): (usize, u16),
+        of: Measured,
         groups: &[u16],
         since: Time,
         update: &Update,
         n: usize,
     ) -> Option<Self> {
+        let Measured { sensor, present } = of;
         let groups: Vec<u16> = groups.iter().map(|g| g & present).filter(|g| *g != 0).collect();
         let some = |k: u16| (0..groups.len()).filter(move |i| k >> i & 1 == 1);
         let sets = (1..1 << groups.len()).map(|k| some(k).fold(0, |set, i| set | groups[i]));
@@ -124,8 +133,8 @@ impl Branch {
             let rows: Vec<usize> = channels(present).collect();
             Some((set, offset_of(update, |row| set >> rows[row] & 1 == 1)?))
         };
-        let (set, (d, variance, ln)) =
-            sets.filter_map(offset).max_by(|a, b| a.1.2.total_cmp(&b.1.2))?;
+        let (set, Offset { d, variance, ln }) =
+            sets.filter_map(offset).max_by(|(_, a), (_, b)| a.ln.total_cmp(&b.ln))?;
         let odds = WRONG + ln;
         let effect = Reach::of_offset(n, set);
         let (offset, variance) = (d.as_slice().to_vec(), variance.as_slice().to_vec());
@@ -162,20 +171,22 @@ impl Branch {
     }
 
     /// `T` of a sample.
-    fn seen(&self, (sensor, present): (usize, u16), update: &Update) -> DMatrix<f64> {
+    fn seen(&self, of: Measured, update: &Update) -> DMatrix<f64> {
+        let Measured { sensor, present } = of;
         let own = if sensor == self.sensor && !self.ended { present } else { 0 };
         update.seen_of_offset(&self.effect, present, own)
     }
 
     /// Weighs both cases by a sample, used or refused, of which the gate has the limit. Call after
     /// [`Update::innovate`].
-    pub(super) fn weigh(&mut self, (sensor, present): (usize, u16), update: &Update, limit: f64) {
+    pub(super) fn weigh(&mut self, of: Measured, update: &Update, limit: f64) {
+        let Measured { sensor, present } = of;
         let (y, m) = (DVector::from_column_slice(&update.innovation), update.m);
         let s = DMatrix::from_row_slice(m, m, &update.s);
         let (d, variance) = (self.offset(), self.variance());
         let fits = |t: DMatrix<f64>| Fit::of(&(&y - &t * &d), &s + &t * &variance * t.transpose());
         let Some(filter) = Fit::of(&y, s.clone()) else { return };
-        let Some(mut own) = fits(self.seen((sensor, present), update)) else { return };
+        let Some(mut own) = fits(self.seen(of, update)) else { return };
         if own.nis > limit && sensor == self.sensor && !self.ended {
             let without = update.seen_of_offset(&self.effect, present, 0);
             if let Some(fit) = fits(without).filter(|fit| fit.nis <= limit) {
@@ -201,7 +212,7 @@ impl Branch {
     }
 
     /// Corrects the case by a sample that the filter uses. Call after [`Update::apply`].
-    pub(in crate::filter) fn correct(&mut self, of: (usize, u16), update: &Update, time: Time) {
+    pub(in crate::filter) fn correct(&mut self, of: Measured, update: &Update, time: Time) {
         let t = self.seen(of, update);
         // the first sample gave the offset
         if time > self.since {
@@ -269,15 +280,24 @@ impl Branch {
         self.effect.times(&self.offset)
     }
 
-    /// Channels that are offset still, one bit each, and their offsets.
-    pub(super) fn offsets(&self) -> (u16, &[f64]) {
-        (if self.ended { 0 } else { self.effect.channels() }, &self.offset)
+    /// Channels that are offset still, one bit each.
+    pub(super) fn offset_channels(&self) -> u16 {
+        if self.ended { 0 } else { self.effect.channels() }
+    }
+
+    /// The offset of each channel that has one, or had one.
+    pub(super) fn offsets(&self) -> &[f64] {
+        &self.offset
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The first channel of the sensor, and both.
+    const ONE: Measured = Measured { sensor: SENSOR, present: 1 };
+    const BOTH: Measured = Measured { sensor: SENSOR, present: 3 };
 
     /// A place with the sigma 0.4 m at zero, a sensor whose samples jump to 10 m after a silence, and another
     /// one.
@@ -315,7 +335,7 @@ mod tests {
             let mut update = sample(0.0, first, noise);
             update.innovate(&covariance);
             let since = Time::MIN;
-            let branch = Branch::new((SENSOR, 1), &[1], since, &update, 1).unwrap_or_default();
+            let branch = Branch::new(ONE, &[1], since, &update, 1).unwrap_or_default();
             let branch = if widened.is_some() { branch.refused() } else { branch };
             covariance.set(0, 0, widened.unwrap_or(0.16));
             let mut place = Self { value: 0.0, covariance, branch, time: 0 };
@@ -327,14 +347,14 @@ mod tests {
             update.innovate(&self.covariance);
             update.apply(&mut self.covariance, &[false]);
             self.value += update.delta[0];
-            self.branch.correct((sensor, 1), &update, time);
+            self.branch.correct(Measured { sensor, present: 1 }, &update, time);
         }
 
         fn take(&mut self, sensor: usize, value: f64, noise: f64) -> &mut Self {
             self.time += 1;
             let mut update = sample(self.value, value, noise);
             let nis = update.innovate(&self.covariance).unwrap_or(f64::NAN);
-            self.branch.weigh((sensor, 1), &update, LIMIT);
+            self.branch.weigh(Measured { sensor, present: 1 }, &update, LIMIT);
             if nis <= LIMIT {
                 self.apply(sensor, update, Time::from_nanos(self.time));
             }
@@ -395,9 +415,9 @@ mod tests {
         update.m = 2;
         update.s.extend([1.0, 0.9, 0.9, 1.0]);
         update.innovation.extend([2.0, 0.0]);
-        let branch = Branch::new((SENSOR, 3), &[1, 2], Time::MIN, &update, 2);
+        let branch = Branch::new(BOTH, &[1, 2], Time::MIN, &update, 2);
         let branch = branch.unwrap_or_default();
-        assert_eq!((branch.offsets().0, branch.offsets().1), (1, &[2.0][..]));
+        assert_eq!((branch.offset_channels(), branch.offsets()), (1, &[2.0][..]));
         assert!((branch.variance[0] - 0.19).abs() < 1e-12);
     }
 

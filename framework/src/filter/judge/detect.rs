@@ -3,6 +3,7 @@
 
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::factor::Factor;
+use crate::filter::judge::watch::Detection;
 use crate::filter::parts::Parts;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::Input;
@@ -22,9 +23,15 @@ const SLIGHT: f64 = 1e-3;
 /// Least determinant of the normal equations of three directions, relative to its largest value.
 const DETERMINED: f64 = 1e-3;
 
-/// Error of the velocity that the innovation of a sample determines, and whether the sample has axes
-/// of its own. `None` where it does not measure three directions of the velocity.
-fn velocity_error(update: &Update, layout: &Layout) -> Option<(Vector3<f64>, bool)> {
+/// Error of the velocity that the innovation of a sample determines.
+struct VelocityError {
+    error: Vector3<f64>,
+    /// Set if the sample has axes of its own.
+    own_axes: bool,
+}
+
+/// `None` where the sample does not measure three directions of the velocity.
+fn velocity_error(update: &Update, layout: &Layout) -> Option<VelocityError> {
     let vehicle = layout.vehicle();
     let place = |slot: usize| {
         let tangent = layout.blocks[slot].tangent?;
@@ -45,7 +52,7 @@ fn velocity_error(update: &Update, layout: &Layout) -> Option<(Vector3<f64>, boo
     let largest = (normal.trace() / 3.0).powi(3);
     let determined = normal.determinant() > DETERMINED * largest;
     let inverse = determined.then(|| normal.try_inverse()).flatten()?;
-    Some((inverse * right, own))
+    Some(VelocityError { error: inverse * right, own_axes: own })
 }
 
 impl Ekf {
@@ -55,9 +62,8 @@ impl Ekf {
         if !watch.monitors() || self.composition.sensors[index].constraint {
             return;
         }
-        let Some((error, own_axes)) = velocity_error(&self.work.update, &self.layout) else {
-            return;
-        };
+        let error = velocity_error(&self.work.update, &self.layout);
+        let Some(VelocityError { error, own_axes }) = error else { return };
         let Some(block) = self.layout.vehicle().velocity else { return };
         let velocity: Vector3<f64> = estimate.state.get(&self.layout, block);
         let (sensor, velocity) = (sensors[index].name.as_str(), (velocity + error).into());
@@ -87,7 +93,7 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         for k in 0..self.parts.watch.detectors() {
-            let (index, holds) = self.parts.watch.detect(k, sample);
+            let Detection { sensor: index, holds } = self.parts.watch.detect(k, sample);
             let sensor = &self.composition.sensors[index];
             let slot = &mut self.parts.sensors[index];
             // samples of two sensors may have one time

@@ -37,6 +37,22 @@ const EXPLAINED: f64 = 0.5;
 /// of which is half as long, the larger has 1 / (1 + 0.25) = 0.8.
 const JUMP: f64 = 0.8;
 
+/// A sample, and what the filter did with it.
+pub(in crate::filter) struct Treated<'a> {
+    pub(in crate::filter) sample: &'a Sample,
+    /// The channels that the sample has, one bit each.
+    pub(in crate::filter) present: u16,
+    pub(in crate::filter) update: &'a Update,
+    /// Set if the sample corrected the state.
+    pub(in crate::filter) used: bool,
+}
+
+/// A channel with a factor that is none of a healthy sensor.
+struct WrongFactor {
+    channel: usize,
+    factor: f64,
+}
+
 /// Changes of one channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Change {
@@ -81,11 +97,11 @@ impl Factor {
     /// a factor that is none of a healthy sensor.
     pub(in crate::filter) fn take(
         &mut self,
-        (sample, present): (&Sample, u16),
-        (update, used): (&Update, bool),
+        treated: &Treated<'_>,
         sensor: &SensorInfo,
         observer: &mut dyn Observer,
     ) {
+        let &Treated { sample, present, update, used } = treated;
         let mut found = None;
         let w = update.columns.len();
         for (a, channel) in channels(present).enumerate().take(update.m) {
@@ -98,11 +114,11 @@ impl Factor {
             let corrected = || h.map(|(column, h)| h * update.delta[*column]).sum::<f64>();
             let left = if used { y - corrected() } else { y };
             change.add(sample.time, [value, y, left], self.angles[channel]);
-            found = found.or(change.factor().map(|factor| (channel, factor)));
+            found = found.or(change.factor().map(|factor| WrongFactor { channel, factor }));
         }
         if let Some(found) = found.filter(|_| !self.reported) {
             self.reported = true;
-            observer.finding(finding(found, sample.time, sensor));
+            observer.finding(found.finding(sample.time, sensor));
         }
     }
 }
@@ -141,23 +157,24 @@ impl Change {
     }
 }
 
-/// Finding about a sensor of which a channel has a factor.
-fn finding((channel, factor): (usize, f64), time: Time, sensor: &SensorInfo) -> Finding {
-    let name = sensor.channel(channel);
-    let cause = if factor < 0.0 {
-        "it has the other sign, as where its axis points the other way"
-    } else {
-        "it has another unit"
-    };
-    Finding {
-        time,
-        about: sensor.name.clone(),
-        severity: Severity::DoNotUse,
-        basis: Basis::Explanation,
-        text: format!(
-            "its {name} changes by {factor:.2} times what the other sensors predict: {cause}"
-        ),
-        remedy: format!("check sign and unit of {name}; `navfuse diagnose` tries them"),
+impl WrongFactor {
+    fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
+        let (name, factor) = (sensor.channel(self.channel), self.factor);
+        let cause = if factor < 0.0 {
+            "it has the other sign, as where its axis points the other way"
+        } else {
+            "it has another unit"
+        };
+        Finding {
+            time,
+            about: sensor.name.clone(),
+            severity: Severity::DoNotUse,
+            basis: Basis::Explanation,
+            text: format!(
+                "its {name} changes by {factor:.2} times what the other sensors predict: {cause}"
+            ),
+            remedy: format!("check sign and unit of {name}; `navfuse diagnose` tries them"),
+        }
     }
 }
 

@@ -3,8 +3,9 @@
 use crate::compose::Composition;
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::bias::BiasTest;
+use crate::filter::judge::factor::Treated;
 use crate::filter::judge::groups::failing;
-use crate::filter::judge::lockout::{Evidence, GONE, Judged, Verdict};
+use crate::filter::judge::lockout::{Evidence, GONE, Judged, Largest, Verdict};
 use crate::filter::judge::signature::Signatures;
 use crate::filter::judge::slot::SensorSlot;
 use crate::filter::parts::Parts;
@@ -18,13 +19,17 @@ use crate::units::time::Time;
 /// Share of an innovation's square within which another one repeats it: a tenth of its size.
 const SAME: f64 = 0.01;
 
-/// Index of the channel with the largest innovation of a sample, and its size in sigma.
-fn worst(update: &Update, present: u16) -> (usize, f64) {
+/// The largest innovation of a sample.
+fn largest(update: &Update, present: u16) -> Largest {
     let m = update.m;
+    let size = |i: usize| (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt();
     (channels(present).zip(0..m))
-        .map(|(channel, i)| (channel, (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt()))
-        .filter(|(_, size)| size.is_finite())
-        .fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+        .map(|(channel, i)| Largest { channel, sigmas: size(i) })
+        .filter(|next| next.sigmas.is_finite())
+        .fold(
+            Largest::default(),
+            |largest, next| if next.sigmas > largest.sigmas { next } else { largest },
+        )
 }
 
 /// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`, and
@@ -119,10 +124,10 @@ impl Ekf {
             let evidence = Evidence { passes, shared, contradicted, repeated, replaced };
             (update.share(present, &slot.reach), evidence)
         };
-        let worst = if passes { (0, 0.0) } else { worst(update, present) };
+        let largest = if passes { Largest::default() } else { largest(update, present) };
         let slot = &mut sensors[index];
         let (sensor, time, m) = (slot.name.as_str(), sample.time, update.m);
-        let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, worst };
+        let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, largest };
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
         if verdict == Verdict::Follow {
             nis = self.forget(index, nis);
@@ -263,7 +268,8 @@ impl Ekf {
         }
         if let Some(factor) = &mut slot.factor {
             let info = &self.composition.sensors[attempt.index].info;
-            factor.take((attempt.sample, attempt.present), (update, false), info, observer);
+            let &Attempt { sample, present, .. } = attempt;
+            factor.take(&Treated { sample, present, update, used: false }, info, observer);
         }
         let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);
         if first && slot.recovery.action == Action::Inflate {

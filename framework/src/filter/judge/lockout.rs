@@ -27,7 +27,9 @@ use std::sync::Arc;
 mod evidence;
 mod words;
 
-pub(in crate::filter) use evidence::{Evidence, Isolation, Judged, Streak, Verdict};
+pub(in crate::filter) use evidence::{
+    Conviction, Evidence, Isolation, Judged, Largest, Streak, Verdict,
+};
 use words::{CONTRADICTED, EARLIER, EITHER, JUMPED, NOISE, REPLACED, SENSOR, find, log};
 
 /// Number of gated samples in a row that causes a warning.
@@ -135,10 +137,10 @@ impl Lockout {
     }
 
     /// Channel with the largest innovation of a streak, and its size, in words.
-    fn worst(&self, streak: &Streak) -> String {
-        let (channel, size) = streak.worst;
+    fn largest(&self, streak: &Streak) -> String {
+        let Largest { channel, sigmas } = streak.largest;
         let channel = self.channels.get(channel).map_or("?", |name| name);
-        format!("{channel} is off by {size:.1} sigma")
+        format!("{channel} is off by {sigmas:.1} sigma")
     }
 
     /// Decides on a sample.
@@ -187,7 +189,7 @@ impl Lockout {
                 1 => format!("1 sample gated at {since}"),
                 _ => format!("{count} samples gated since {since}"),
             };
-            let text = format!("{gated}, {}; the gate passes again", self.worst(&streak));
+            let text = format!("{gated}, {}; the gate passes again", self.largest(&streak));
             log(sample, Level::Info, text, observer);
         }
         self.spread += WEIGHT * (sample.nis / sample.m as f64 - self.spread);
@@ -250,7 +252,7 @@ impl Lockout {
             step: jump && !self.adopted && gap.is_some_and(|gap| self.rhythm.follows(gap)),
             contradicted: false,
             reported: false,
-            worst: sample.worst,
+            largest: sample.largest,
         }
     }
 
@@ -268,8 +270,8 @@ impl Lockout {
         let gap = before.map(|before| time.since(before)).filter(|gap| *gap > self.silence());
         streak.silence = streak.silence.or(gap);
         streak.count += 1;
-        if sample.worst.1 > streak.worst.1 {
-            streak.worst = sample.worst;
+        if sample.largest.sigmas > streak.largest.sigmas {
+            streak.largest = sample.largest;
         }
         streak.contradicted = evidence.contradicted.unwrap_or(streak.contradicted);
         self.streak = Some(streak);
@@ -277,7 +279,7 @@ impl Lockout {
         // a single gated sample is expected; several in a row are worth a warning
         if count == IN_A_ROW {
             let text =
-                format!("{count} samples gated in a row since {since}, {}", self.worst(&streak));
+                format!("{count} samples gated in a row since {since}, {}", self.largest(&streak));
             log(sample, Level::Warning, text, observer);
         }
         let inflates = recovery.action == Action::Inflate;
@@ -297,7 +299,7 @@ impl Lockout {
                 Verdict::Gate
             }
             Action::Obey => {
-                let text = format!("the estimate is set: {}", self.worst(&streak));
+                let text = format!("the estimate is set: {}", self.largest(&streak));
                 log(sample, Level::Warning, text, observer);
                 Verdict::Obey
             }
@@ -395,8 +397,7 @@ impl Lockout {
     /// Reports that the samples since a time were wrong, and isolates the channels that still are.
     pub(in crate::filter) fn convict(
         &mut self,
-        (since, began): (Time, Time),
-        channels: u16,
+        Conviction { since, at: began, channels }: Conviction,
         sensor: &str,
         observer: &mut dyn Observer,
     ) {
@@ -420,7 +421,7 @@ impl Lockout {
                 1 => "the last sample was gated".to_owned(),
                 _ => format!("the last {count} samples were gated, since {since}"),
             };
-            let text = format!("{last}, {}", self.worst(&streak));
+            let text = format!("{last}, {}", self.largest(&streak));
             log(&sample, Level::Warning, text, observer);
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {

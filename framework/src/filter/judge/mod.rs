@@ -8,6 +8,7 @@ pub(super) mod factor;
 pub(super) mod gate;
 pub(super) mod groups;
 pub(super) mod lockout;
+pub(super) mod measured;
 pub(super) mod noise_level;
 pub(super) mod reject;
 pub(super) mod scatter;

@@ -49,17 +49,18 @@ impl NoiseLevel {
         self.variance
     }
 
-    /// The noise in words, at the end of a run, and whether it is at a limit.
-    pub(in crate::filter) fn words(&self) -> (String, bool) {
-        let sigma = self.variance.sqrt();
+    /// Returns `true` if the level is at one of its limits.
+    pub(in crate::filter) fn is_at_limit(&self) -> bool {
         // an innovation below the mean moves the level off its limit for a while
-        let limit = self.variance < 1.05 * LEVELS[0] || self.variance > 0.95 * LEVELS[1];
-        let mut text =
-            format!("its noise followed the innovations to {sigma:.2} times the stated one");
-        if limit {
-            text.push_str(", which is at the limit: state another one");
-        }
-        (text, limit)
+        self.variance < 1.05 * LEVELS[0] || self.variance > 0.95 * LEVELS[1]
+    }
+
+    /// The noise in words, at the end of a run.
+    pub(in crate::filter) fn words(&self) -> String {
+        let sigma = self.variance.sqrt();
+        let limit =
+            if self.is_at_limit() { ", which is at the limit: state another one" } else { "" };
+        format!("its noise followed the innovations to {sigma:.2} times the stated one{limit}")
     }
 
     /// Takes an innovation that passed the gate, with the noise of this level.
@@ -143,10 +144,10 @@ mod tests {
             let mut level = open();
             (0..5_000).for_each(|_| taken(&mut level, 0.0, truth));
             assert_eq!(level.variance(), limit);
-            let (text, at_limit) = level.words();
-            assert!(at_limit && text.contains(&format!("{sigma} times")), "{text}");
+            let text = level.words();
+            assert!(level.is_at_limit() && text.contains(&format!("{sigma} times")), "{text}");
         }
-        assert!(!open().words().1);
+        assert!(!open().is_at_limit());
     }
 
     /// Innovations of one channel, drawn from the noise as it is stated, of which one in ten is gated.

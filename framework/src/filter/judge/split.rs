@@ -3,7 +3,7 @@
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::branch::Branch;
-use crate::filter::judge::lockout::Verdict;
+use crate::filter::judge::lockout::{Conviction, Verdict};
 use crate::filter::judge::signature::Signatures;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
@@ -12,13 +12,13 @@ use crate::model::record::{Event, Level, Observer};
 impl Ekf {
     /// The case that a sensor which is back after a silence or an isolation is wrong.
     pub(in crate::filter) fn doubt(&self, attempt: &Attempt<'_>) -> Option<Branch> {
-        let &Attempt { sample, index, present, .. } = attempt;
+        let &Attempt { sample, index, .. } = attempt;
         let slot = &self.parts.sensors[index];
         if !slot.lockout.returns(sample.time, &slot.recovery) {
             return None;
         }
         let (update, n) = (&self.work.update, self.considered.len());
-        Branch::new((index, present), &slot.groups, sample.time, update, n)
+        Branch::new(attempt.measured(), &slot.groups, sample.time, update, n)
     }
 
     /// Adds the case that the filter does not follow when it uses the sample. The covariance keeps
@@ -49,7 +49,7 @@ impl Ekf {
         let Parts { branch, sensors, .. } = &mut self.parts;
         let limit = sensors[attempt.index].thresholds[self.work.update.m];
         if let Some(branch) = branch {
-            branch.weigh((attempt.index, attempt.present), &self.work.update, limit);
+            branch.weigh(attempt.measured(), &self.work.update, limit);
         }
     }
 
@@ -66,9 +66,10 @@ impl Ekf {
             }
             let slot = &mut self.parts.sensors[branch.sensor];
             if wrong {
-                let (channels, offsets) = branch.offsets();
-                slot.reach.remember(channels, offsets);
-                slot.lockout.convict((since, time), channels, &slot.name, observer);
+                let channels = branch.offset_channels();
+                slot.reach.remember(channels, branch.offsets());
+                let conviction = Conviction { since, at: time, channels };
+                slot.lockout.convict(conviction, &slot.name, observer);
             } else if branch.was_in_doubt() {
                 let text = format!("the filter was off at {since}, and not the sensor");
                 observer.event(Event { time, level: Level::Info, about: slot.name.clone(), text });

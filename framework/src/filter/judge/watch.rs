@@ -16,8 +16,24 @@ use crate::units::sample::Sample;
 pub(in crate::filter) struct Watch {
     /// Monitor of the driven process.
     monitor: Option<Box<dyn Monitor>>,
-    /// Detectors, each with the index of its sensor.
-    detectors: Vec<(usize, Box<dyn Detector>)>,
+    detectors: Vec<Detecting>,
+}
+
+/// A detector, and the index of its sensor.
+#[derive(Clone)]
+struct Detecting {
+    sensor: usize,
+    detector: Box<dyn Detector>,
+}
+
+saved!(Detecting { detector } except { sensor });
+
+/// What a detector says of a sample.
+pub(in crate::filter) struct Detection {
+    /// Index of the sensor of the pseudo-measurement.
+    pub(in crate::filter) sensor: usize,
+    /// Set if the pseudo-measurement holds.
+    pub(in crate::filter) holds: bool,
 }
 
 saved!(Watch {} each { monitor, detectors });
@@ -27,7 +43,9 @@ impl Watch {
         let sensors = composition.sensors.iter().enumerate();
         Self {
             monitor: composition.processes.iter().find_map(|p| p.monitor.clone()),
-            detectors: sensors.filter_map(|(k, s)| Some((k, s.detector.clone()?))).collect(),
+            detectors: sensors
+                .filter_map(|(sensor, s)| Some(Detecting { sensor, detector: s.detector.clone()? }))
+                .collect(),
         }
     }
 
@@ -70,10 +88,9 @@ impl Watch {
         self.detectors.len()
     }
 
-    /// Shows a sample to a detector. Returns the index of its sensor, and whether its
-    /// pseudo-measurement holds.
-    pub(in crate::filter) fn detect(&mut self, k: usize, sample: &Sample) -> (usize, bool) {
-        let (index, detector) = &mut self.detectors[k];
-        (*index, detector.detects(sample))
+    /// Shows a sample to a detector.
+    pub(in crate::filter) fn detect(&mut self, k: usize, sample: &Sample) -> Detection {
+        let Detecting { sensor, detector } = &mut self.detectors[k];
+        Detection { sensor: *sensor, holds: detector.detects(sample) }
     }
 }

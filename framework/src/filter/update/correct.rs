@@ -4,9 +4,11 @@ use super::work::Work;
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
 use crate::filter::judge::branch::Branch;
+use crate::filter::judge::factor::Treated;
 use crate::filter::judge::gate::Judgement;
 use crate::filter::judge::groups::failing_alone;
 use crate::filter::judge::lockout::Verdict;
+use crate::filter::judge::measured::Measured;
 use crate::filter::parts::Parts;
 use crate::filter::transients::seen::Transients;
 use crate::model::estimator_error::EstimatorError;
@@ -29,6 +31,13 @@ pub(in crate::filter) struct Attempt<'a> {
     pub(in crate::filter) present: u16,
     /// Factor of the noise, for a sample that repeats the one before.
     repeated: f64,
+}
+
+impl Attempt<'_> {
+    /// What the sample measures.
+    pub(in crate::filter) fn measured(&self) -> Measured {
+        Measured { sensor: self.index, present: self.present }
+    }
 }
 
 impl Ekf {
@@ -289,7 +298,7 @@ impl Ekf {
         rule.corrects(&mut update.delta);
         if let Some(factor) = &mut slot.factor {
             let info = &self.composition.sensors[index].info;
-            factor.take((sample, present), (update, true), info, observer);
+            factor.take(&Treated { sample, present, update, used: true }, info, observer);
         }
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);
@@ -298,12 +307,12 @@ impl Ekf {
             update.correct(&mut other.reach);
         }
         if let Some(branch) = branch {
-            branch.correct((index, present), update, sample.time);
+            branch.correct(attempt.measured(), update, sample.time);
         }
         if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };
             let along = (&at, propagation.transition());
-            signatures.take((index, present), model, along, update, lower);
+            signatures.take(attempt.measured(), model, along, update, lower);
         }
         if let Some(offset) = &mut estimate.offset {
             offset.correct(&mut update.delta);

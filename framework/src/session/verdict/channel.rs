@@ -1,6 +1,6 @@
 //! Innovations of one channel.
 
-use super::report::{SLIGHT, UNTRUE, size};
+use super::report::{SLIGHT, Size, UNTRUE, size};
 use crate::checkpoint::saved;
 use crate::model::chi_square::{outside, sigmas};
 use crate::model::record::finding::Severity;
@@ -46,11 +46,27 @@ pub(crate) struct ChannelStatistics {
     squares: f64,
     last: Option<f64>,
     products: f64,
-    /// Sum and number of the minute so far.
-    minute: (f64, f64),
-    /// Sum over the minutes of `(sum of u)^2 / n`, each of expectation 1, and their number.
-    drift: (f64, f64),
+    minute: Minute,
+    drift: Drift,
 }
+
+/// The innovations of the minute so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Minute {
+    sum: f64,
+    count: f64,
+}
+
+saved!(Minute { sum, count });
+
+/// Sum over the minutes of `(sum of u)^2 / n`, each of expectation 1.
+#[derive(Clone, Copy, Debug, Default)]
+struct Drift {
+    sum: f64,
+    minutes: f64,
+}
+
+saved!(Drift { sum, minutes });
 
 saved!(ChannelStatistics {
     count, sum, raw, squares, last, products, minute, drift,
@@ -72,15 +88,15 @@ impl ChannelStatistics {
         if let Some(last) = self.last.replace(u) {
             self.products += last * u;
         }
-        self.minute.0 += u;
-        self.minute.1 += 1.0;
+        self.minute.sum += u;
+        self.minute.count += 1.0;
     }
 
     pub(crate) fn end_minute(&mut self) {
-        let (sum, count) = std::mem::take(&mut self.minute);
+        let Minute { sum, count } = std::mem::take(&mut self.minute);
         if count > 0.0 {
-            self.drift.0 += sum * sum / count;
-            self.drift.1 += 1.0;
+            self.drift.sum += sum * sum / count;
+            self.drift.minutes += 1.0;
         }
     }
 
@@ -104,7 +120,7 @@ impl ChannelStatistics {
             && ratio.max(1.0 / ratio) >= SLIGHT
             && outside(self.squares, n, 2.0 * n, alpha)
         {
-            let (severity, words, remedy) = size(ratio);
+            let Size { severity, words, remedy } = size(ratio);
             let text = format!("the innovations of {name} are {words} sigma");
             push(Criterion::Channel, severity, ratio.ln().abs(), text, remedy);
         }
@@ -135,7 +151,7 @@ impl ChannelStatistics {
                           the noise of this sensor and of the driving sensor";
             push(Criterion::Correlation, Severity::Doubtful, correlation.abs(), text, remedy);
         }
-        let (drift, minutes) = self.drift;
+        let Drift { sum: drift, minutes } = self.drift;
         let ratio = (drift / minutes).sqrt() / scale;
         // minutes of one sample each repeat the test of the channel
         if n >= 3.0 * minutes
@@ -236,7 +252,7 @@ mod tests {
     fn means_over_a_minute_drift_where_enough_minutes_show_1_2_times_white_noise() {
         for scale in [1.0, 2.0] {
             let of = |minutes: f64, ratio: f64| {
-                let drift = (minutes * ratio * ratio * scale * scale, minutes);
+                let drift = Drift { sum: minutes * ratio * ratio * scale * scale, minutes };
                 let channel = ChannelStatistics { drift, ..statistics(10.0 * minutes, scale) };
                 let found = found(&channel, true);
                 let drifts = found.iter().filter(|f| f.0 == Criterion::Drift);
@@ -253,7 +269,7 @@ mod tests {
             assert_eq!(of(1e4, 2.06), [Severity::DoNotUse]);
         }
         // two samples a minute
-        let drift = (9e4, 1e4);
+        let drift = Drift { sum: 9e4, minutes: 1e4 };
         let sparse = ChannelStatistics { drift, ..statistics(2e4, 1.0) };
         assert_eq!(found(&sparse, true), []);
         let dense = ChannelStatistics { drift, ..statistics(3e4, 1.0) };
@@ -270,7 +286,7 @@ mod tests {
         channel.end_minute();
         channel.add(-2.0, -20.0);
         channel.end_minute();
-        assert_eq!(channel.drift, (36.0 / 3.0 + 4.0, 2.0));
+        assert_eq!((channel.drift.sum, channel.drift.minutes), (36.0 / 3.0 + 4.0, 2.0));
         assert_eq!((channel.sum, channel.raw, channel.squares), (4.0, 40.0, 18.0));
         assert_eq!(channel.products, 2.0 + 6.0 - 6.0);
     }
@@ -290,7 +306,7 @@ mod tests {
     #[test]
     fn fifteen_minutes_show_a_drift_beyond_2_65_per_minute() {
         let of = |per_minute: f64| {
-            let drift = (15.0 * per_minute, 15.0);
+            let drift = Drift { sum: 15.0 * per_minute, minutes: 15.0 };
             let found = found(&ChannelStatistics { drift, ..statistics(150.0, 1.0) }, true);
             found.iter().map(|f| f.1).collect::<Vec<_>>()
         };

@@ -5,8 +5,9 @@
 //! divided by its sigma and by the root of `E / m`, the share of the gated NIS, so that a consistent
 //! filter gives a white sequence `u` of variance 1.
 
+use super::nis::{Chance, Memory, NisSums};
 use super::channel::{ChannelStatistics, Departure, Whole};
-use super::report::{Report, SLIGHT, reason, size};
+use super::report::{Report, SLIGHT, Size, reason, size};
 use crate::checkpoint::saved;
 use crate::model::chi_square::{Band, above, band, gated_moments, probability};
 use crate::model::record::finding::Severity;
@@ -30,47 +31,6 @@ const REJECTED: f64 = 0.1;
 /// Smallest number of samples of which a share is judged.
 const SHARED: u64 = 10;
 
-/// Sums over the NIS of some samples.
-#[derive(Clone, Copy, Debug, Default)]
-struct NisSums {
-    count: u64,
-    nis: f64,
-    expected: f64,
-    variance: f64,
-}
-
-saved!(NisSums { count, nis, expected, variance });
-
-/// Distribution of a consistent sample's NIS: its moments if it passes the gate, and the
-/// probability that the gate refuses it.
-#[derive(Clone, Copy, Debug)]
-struct Chance {
-    mean: f64,
-    variance: f64,
-    gated: f64,
-}
-
-impl Chance {
-    fn of(channels: usize, threshold: f64) -> Self {
-        let (mean, variance) = gated_moments(channels, threshold);
-        Self { mean, variance, gated: above(channels, threshold) }
-    }
-}
-
-impl NisSums {
-    fn add(&mut self, nis: f64, chance: &Chance) {
-        self.count += 1;
-        self.nis += nis;
-        self.expected += chance.mean;
-        self.variance += chance.variance;
-    }
-
-    /// Ratio of the innovations to their reported sigma.
-    fn ratio(&self) -> f64 {
-        (self.nis / self.expected).sqrt()
-    }
-}
-
 /// The most improbable minute so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Minute {
@@ -80,45 +40,6 @@ struct Minute {
 }
 
 saved!(Minute { begin, probability, sums });
-
-/// Autocovariance of the normalised NIS at lag 0 and 1.
-#[derive(Clone, Copy, Debug, Default)]
-struct Memory {
-    last: Option<f64>,
-    sum: f64,
-    squares: f64,
-    products: f64,
-    count: f64,
-}
-
-saved!(Memory { last, sum, squares, products, count });
-
-impl Memory {
-    fn add(&mut self, deviation: f64) {
-        if let Some(last) = self.last.replace(deviation) {
-            self.products += last * deviation;
-        }
-        self.sum += deviation;
-        self.squares += deviation * deviation;
-        self.count += 1.0;
-    }
-
-    /// Factor by which correlation enlarges the variance of a mean: `(1 + r) / (1 - r)` with the
-    /// correlation `r` of successive values, as for a first-order autoregression. A correlation
-    /// within 2 sigma of zero, `2 / sqrt(N)`, is noise. Values that scatter less than expected are
-    /// divided by their expected variance, so that they do not widen a band that they narrow.
-    fn inflation(&self) -> f64 {
-        let mean = self.sum / self.count;
-        let variance = (self.squares / self.count - mean * mean).max(1.0);
-        let r = (self.products / (self.count - 1.0) - mean * mean) / variance;
-        // NaN for less than two samples
-        if r.is_nan() || r <= 2.0 / self.count.sqrt() {
-            return 1.0;
-        }
-        let r = r.min(0.99);
-        (1.0 + r) / (1.0 - r)
-    }
-}
 
 /// Successive gated samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -390,7 +311,7 @@ impl SensorStatistics {
             inside,
         });
         if !inside {
-            let (severity, words, remedy) = size(ratio);
+            let Size { severity, words, remedy } = size(ratio);
             report.reasons.push(reason(
                 Criterion::Nis,
                 severity,
@@ -415,7 +336,7 @@ impl SensorStatistics {
         if ratio.max(1.0 / ratio) < SLIGHT {
             return;
         }
-        let (severity, words, _) = size(ratio);
+        let Size { severity, words, .. } = size(ratio);
         report.reasons.push(reason(
             Criterion::NisOfMinute,
             severity.min(Severity::Doubtful),
@@ -434,39 +355,6 @@ impl SensorStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Inflation for `n` values with this mean, mean square, and mean product of successive ones.
-    fn inflation(n: f64, mean: f64, square: f64, product: f64) -> f64 {
-        let (sum, squares) = (n * mean, n * square);
-        Memory { last: None, sum, squares, products: (n - 1.0) * product, count: n }.inflation()
-    }
-
-    /// Ten values have nine pairs. A variance of 2 and a product of 1.4 are the correlation 0.7,
-    /// above 2 / sqrt(10) = 0.63, and (1 + 0.7) / (1 - 0.7) = 5.67; 1.26 would be just below.
-    #[test]
-    fn correlated_values_widen_the_band_of_their_mean_beyond_2_sigma_of_the_correlation() {
-        let is = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found}");
-        is(inflation(10.0, 0.0, 2.0, 1.4), 1.7 / 0.3);
-        is(inflation(10.0, 0.0, 2.0, 1.26), 1.0);
-        is(inflation(400.0, 0.0, 1.0, 0.099), 1.0);
-        is(inflation(400.0, 0.0, 1.0, 0.101), 1.101 / 0.899);
-        is(inflation(400.0, 0.0, 1.0, -0.9), 1.0);
-        // the mean is no correlation: (2 - 1) / (3 - 1) = 0.5
-        is(inflation(400.0, 1.0, 3.0, 2.0), 3.0);
-        // values that scatter less than expected count as if they scattered by one
-        is(inflation(400.0, 0.0, 0.5, 0.4), 1.4 / 0.6);
-        is(inflation(400.0, 0.0, 1.0, 1.0), 1.99 / 0.01);
-        is(Memory::default().inflation(), 1.0);
-        is(inflation(1.0, 3.0, 9.0, 0.0), 1.0);
-    }
-
-    #[test]
-    fn the_memory_sums_values_squares_and_products_of_successive_ones() {
-        let mut memory = Memory::default();
-        [2.0, -1.0, 3.0].into_iter().for_each(|x| memory.add(x));
-        let Memory { sum, squares, products, count, .. } = memory;
-        assert_eq!((sum, squares, products, count), (4.0, 14.0, -5.0, 3.0));
-    }
 
     /// The probability 0.004 of the worst of `minutes` minutes, of which one in twenty may be
     /// wrong.

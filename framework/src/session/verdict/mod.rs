@@ -6,6 +6,7 @@
 mod channel;
 mod innovations;
 mod linearisation;
+mod nis;
 mod reference;
 mod report;
 mod states;
@@ -132,7 +133,8 @@ impl Judge {
         &mut self,
         findings: &[Finding],
         error: Option<String>,
-        (references, end): (&[Compared], Option<Time>),
+        references: &[Compared],
+        end: Option<Time>,
     ) -> Verdict {
         let mut report = Report::default();
         let found_of = |basis: Basis| {
@@ -167,7 +169,7 @@ impl Judge {
             sensor.judge(alpha, self.white, &mut report);
         }
         if let Some((reference, end)) = self.reference.as_ref().zip(end) {
-            reference.judge(alpha, (references, end), &mut report);
+            reference.judge(alpha, references, end, &mut report);
         }
         report.reasons.retain(|reason| !(explained && reason.criterion.compares()));
         contain(&mut report.reasons);

@@ -61,13 +61,8 @@ impl ReferenceStatistics {
     }
 
     /// Judges the component that is farthest from the reference, at `alpha`, the probability of a
-    /// false alarm of one test. `compared` has the last comparison of each slot.
-    pub(crate) fn judge(
-        &self,
-        alpha: f64,
-        (compared, end): (&[Compared], Time),
-        report: &mut Report,
-    ) {
+    /// false alarm of one test. `compared` has the last comparison of each slot, and `end` is the time of the last epoch.
+    pub(crate) fn judge(&self, alpha: f64, compared: &[Compared], end: Time, report: &mut Report) {
         let differences = self.blocks.iter().filter_map(|stated| {
             let compared = compared.get(stated.slot).filter(|c| c.holds_at(end))?;
             Some(differences(compared, stated.sigma))
@@ -119,7 +114,7 @@ mod tests {
         let reference = ReferenceStatistics { name: "reference".to_owned(), blocks };
         let mut report = Report::default();
         let end = Time::from_nanos(end * 1_000_000_000);
-        reference.judge(1e-3, (&[compared(error)], end), &mut report);
+        reference.judge(1e-3, &[compared(error)], end, &mut report);
         report.reasons.pop().map(|reason| (reason.severity, reason.text))
     }
 

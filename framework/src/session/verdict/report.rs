@@ -35,14 +35,21 @@ pub(crate) fn reason(
     Reason { criterion, severity, about: about.to_owned(), text, remedy: remedy.to_owned() }
 }
 
-/// Severity, words and remedy for a ratio of innovations to their sigma.
-pub(crate) fn size(ratio: f64) -> (Severity, String, &'static str) {
+/// Judgement on a ratio of innovations to their sigma.
+pub(crate) struct Size {
+    pub(crate) severity: Severity,
+    pub(crate) words: String,
+    pub(crate) remedy: &'static str,
+}
+
+/// Judges a ratio of innovations to their sigma.
+pub(crate) fn size(ratio: f64) -> Size {
     if ratio < 1.0 {
-        return (
-            Severity::Note,
-            format!("only {ratio:.2} times their reported"),
-            "its stated noise is too large",
-        );
+        return Size {
+            severity: Severity::Note,
+            words: format!("only {ratio:.2} times their reported"),
+            remedy: "its stated noise is too large",
+        };
     }
     let severity = match ratio {
         r if r >= UNTRUE => Severity::DoNotUse,
@@ -51,5 +58,5 @@ pub(crate) fn size(ratio: f64) -> (Severity, String, &'static str) {
     };
     let remedy =
         "its stated noise or the driving sensor's is too small, or an effect is not modelled";
-    (severity, format!("{ratio:.2} times their reported"), remedy)
+    Size { severity, words: format!("{ratio:.2} times their reported"), remedy }
 }

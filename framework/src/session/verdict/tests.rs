@@ -234,7 +234,7 @@ fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
     update.innovate(&p).unwrap();
     update.apply(&mut p, &[false]);
     judge.correction(&update);
-    judge.verdict(findings, None, (&[], None))
+    judge.verdict(findings, None, &[], None)
 }
 
 #[test]

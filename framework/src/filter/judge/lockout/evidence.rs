@@ -29,6 +29,15 @@ impl Verdict {
     }
 }
 
+/// The channel with the largest innovation, and its size in sigma.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::filter) struct Largest {
+    pub(in crate::filter) channel: usize,
+    pub(in crate::filter) sigmas: f64,
+}
+
+saved!(Largest { channel, sigmas });
+
 /// A sample as the gate sees it.
 #[derive(Clone, Copy)]
 pub(in crate::filter) struct Judged<'a> {
@@ -41,15 +50,15 @@ pub(in crate::filter) struct Judged<'a> {
     pub(in crate::filter) channels: u16,
     /// Square of the innovation relative to that of the first gated sample.
     pub(in crate::filter) share: f64,
-    /// Index of the channel with the largest innovation, and its size in sigma.
-    pub(in crate::filter) worst: (usize, f64),
+    pub(in crate::filter) largest: Largest,
 }
 
 impl<'a> Judged<'a> {
     /// A sensor without a sample.
     pub(super) fn none(sensor: &'a str, time: Time) -> Self {
-        let (nis, threshold, share, worst) = (f64::NAN, f64::NAN, f64::NAN, (0, f64::NAN));
-        Self { sensor, time, nis, threshold, m: 0, channels: 0, share, worst }
+        let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
+        let largest = Largest { channel: 0, sigmas: f64::NAN };
+        Self { sensor, time, nis, threshold, m: 0, channels: 0, share, largest }
     }
 }
 
@@ -84,11 +93,11 @@ pub(in crate::filter) struct Streak {
     pub(super) contradicted: bool,
     /// Set once the lock-out has been reported.
     pub(super) reported: bool,
-    /// Index of the channel with the largest innovation of all samples, and its size in sigma.
-    pub(super) worst: (usize, f64),
+    /// The largest innovation of all samples.
+    pub(super) largest: Largest,
 }
 
-saved!(Streak { since, count, silence, replaced, step, contradicted, reported, worst });
+saved!(Streak { since, count, silence, replaced, step, contradicted, reported, largest });
 
 /// Isolation of a sensor: its samples are judged and not used.
 #[derive(Clone, Copy, Default)]
@@ -108,3 +117,14 @@ pub(in crate::filter) struct Isolation {
 }
 
 saved!(Isolation { since, contradicted, channels, count, began, agreed });
+
+/// A sensor that was found to be wrong.
+#[derive(Clone, Copy)]
+pub(in crate::filter) struct Conviction {
+    /// Time of the first wrong sample.
+    pub(in crate::filter) since: Time,
+    /// Time at which the evidence sufficed.
+    pub(in crate::filter) at: Time,
+    /// The channels that are wrong still, one bit each.
+    pub(in crate::filter) channels: u16,
+}

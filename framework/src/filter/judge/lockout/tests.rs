@@ -65,10 +65,10 @@ impl Sensor {
     /// Judges a sample against the threshold 10.
     fn judge(&mut self, time: f64, nis: f64, share: f64, evidence: Evidence) -> Verdict {
         let time = Time::from_nanos((time * 1e9).round() as i64);
-        let worst = (0, nis);
+        let largest = Largest { channel: 0, sigmas: nis };
         let (m, channels) = (1, 1);
         let sample =
-            Judged { sensor: "depth", time, nis, threshold: 10.0, m, channels, share, worst };
+            Judged { sensor: "depth", time, nis, threshold: 10.0, m, channels, share, largest };
         self.lockout.judge(&sample, evidence, &self.recovery, &mut self.reports)
     }
 
@@ -195,9 +195,10 @@ fn a_jump_is_judged_by_the_usual_nis_of_the_samples_that_passed() {
     }
     // two channels share the NIS
     let mut sensor = Sensor::new(Action::Inflate);
-    let (time, worst) = (Time::from_nanos(11_000_000_000), (0, 1.0));
+    let time = Time::from_nanos(11_000_000_000);
+    let largest = Largest { channel: 0, sigmas: 1.0 };
     let (nis, threshold, m, channels, share) = (6.0, 10.0, 2, 0b11, 1.0);
-    let sample = Judged { sensor: "depth", time, nis, threshold, m, channels, share, worst };
+    let sample = Judged { sensor: "depth", time, nis, threshold, m, channels, share, largest };
     sensor.lockout.judge(&sample, GOOD, &sensor.recovery, &mut sensor.reports);
     assert!((sensor.lockout.spread - 1.04).abs() < 1e-12, "{}", sensor.lockout.spread);
 }

@@ -8,6 +8,7 @@ use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::{SPAN, leading};
 use crate::checkpoint::saved;
+use crate::filter::judge::measured::Measured;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;
@@ -182,7 +183,7 @@ impl Parameters {
     /// Takes the sample of a sensor, of which some channels are present.
     pub(super) fn take(
         &mut self,
-        (index, present): (usize, u16),
+        Measured { sensor: index, present }: Measured,
         sample: &Whitened<'_>,
         model: &dyn AnyMeasurement,
         at: &At<'_>,

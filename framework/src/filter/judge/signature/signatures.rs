@@ -8,6 +8,7 @@ use super::parameter::Parameters;
 use super::score::leading;
 use crate::checkpoint::saved;
 use crate::compose::Composition;
+use crate::filter::judge::measured::Measured;
 use crate::model::record::finding::Finding;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::model::sensor::{Role, Sensor};
@@ -158,7 +159,7 @@ impl Signatures {
     /// Takes an accepted sample before the state is corrected. Call after [`Update::apply`].
     pub(in crate::filter) fn take(
         &mut self,
-        (index, present): (usize, u16),
+        Measured { sensor: index, present }: Measured,
         model: &dyn AnyMeasurement,
         (at, transition): (&At<'_>, &Transition),
         update: &Update,
@@ -185,7 +186,7 @@ impl Signatures {
         if let Some(steps) = &mut self.steps {
             steps.take(&sample, time);
         }
-        self.parameters.take((index, present), &sample, model, at);
+        self.parameters.take(Measured { sensor: index, present }, &sample, model, at);
     }
 
     /// Restarts the tests for steps: the errors up to a recovery are those of another fault.
