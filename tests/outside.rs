@@ -117,6 +117,6 @@ fn a_new_plugin_overwrites_nothing_and_has_a_name_of_its_own() {
     refused("mine", folder.path(), "is there already; remove it, or give another --path");
     let path = folder.path().join("new");
     refused("dvl", &path, "there is a sensor type dvl already");
-    refused("Mine", &path, "\"Mine\" is no name of a crate: start with a small letter");
+    refused("Mine", &path, "\"Mine\" is not a valid crate name: start with a lower-case letter");
     assert!(!path.exists());
 }

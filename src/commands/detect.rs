@@ -46,7 +46,7 @@ pub fn detect(registry: &Registry, arguments: &Detect) -> Result<ExitCode> {
     let mut kinds = navfuse_diagnose::Kinds::of(&file)?;
     kinds.kind.retain(|kind| kind.name.contains(&arguments.only));
     if kinds.kind.is_empty() {
-        let message = "no kind has it in its name; look into the file";
+        let message = "no kind has this text in its name; the file lists the kinds";
         return Err(CommandError::argument(format!("--only {}", arguments.only), message));
     }
     let text = arguments.format == Format::Text;

@@ -148,7 +148,9 @@ fn on_vehicle<'a>(registry: &'a Registry, arguments: &Live) -> Result<Scenario<'
     let composition = scenario.compose()?;
     for (name, setting) in coasting(registry, &composition) {
         scenario.set(&setting)?;
-        warn(format_args!("note: the run goes on where [sensor.{name}] is silent: {setting}"));
+        warn(format_args!(
+            "note: so that the run continues while [sensor.{name}] is silent, it uses {setting}"
+        ));
     }
     let rotate = rotating(&scenario, &document, &arguments.set)?;
     for setting in &rotate {
@@ -166,7 +168,9 @@ fn on_vehicle<'a>(registry: &'a Registry, arguments: &Live) -> Result<Scenario<'
         waits.set(&setting)?;
     }
     for setting in &late {
-        warn(format_args!("note: its samples may arrive after newer ones of the IMU: {setting}"));
+        warn(format_args!(
+            "note: its samples may arrive after newer IMU samples, so the run uses {setting}"
+        ));
     }
     Ok(waits)
 }

@@ -81,7 +81,7 @@ Examples:
   navfuse new-plugin my-sensor
   navfuse new-plugin my-sensor --path ../sensors/mine --navfuse ~/navfuse")]
 pub struct NewPlugin {
-    /// Name of the crate and of its sensor type: small letters, digits, - and _
+    /// Name of the crate and of its sensor type: lower-case letters, digits, - and _
     pub name: String,
     /// Folder to write it to [default: ./NAME]
     #[arg(long, value_name = "DIR")]
@@ -139,13 +139,14 @@ pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode
 
 /// Rejects a text that cannot be the name of a crate.
 fn check_name(name: &str) -> Result<()> {
-    let refuse =
-        |why: &str| Err(CommandError::Request(format!("{name:?} is no name of a crate: {why}")));
+    let refuse = |why: &str| {
+        Err(CommandError::Request(format!("{name:?} is not a valid crate name: {why}")))
+    };
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
-        return refuse("start with a small letter");
+        return refuse("start with a lower-case letter");
     }
     if !name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_') {
-        return refuse("use small letters, digits, - and _");
+        return refuse("use lower-case letters, digits, - and _");
     }
     if name.len() > 64 {
         return refuse("give at most 64 characters");

@@ -131,7 +131,7 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
         "time",
         "bits",
         "bits a minute",
-        "it improves most, against going straight on",
+        "most improved, compared with going straight",
     ]);
     for s in &plan.suggestions {
         let most: Vec<String> =

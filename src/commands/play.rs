@@ -117,7 +117,8 @@ impl Place {
             Some(("nmea", place)) => (write_fix, place),
             Some(("water-linked-json", place)) => (write_water_linked, place),
             _ => {
-                let text = "the format is nmea or water-linked-json, followed by : and a place";
+                let text =
+                    "the format is nmea or water-linked-json, followed by : and a destination";
                 return Err(wrong(text.to_owned()));
             }
         };
@@ -174,7 +175,7 @@ fn open(to: &str, stop: &AtomicBool) -> Result<Box<dyn Write>> {
     let wrong = |text: String| CommandError::argument(format!("--to {to:?}"), text);
     let example = "such as udp://127.0.0.1:5005, tcp://127.0.0.1:5005, \
                    serial:///dev/ttyUSB0@115200 or -";
-    let opened = opened.ok_or_else(|| wrong(format!("it is no place, {example}")))?;
+    let opened = opened.ok_or_else(|| wrong(format!("this is no destination, {example}")))?;
     opened.map_err(|e| wrong(e.to_string()))
 }
 

@@ -78,7 +78,7 @@ fn smoothing(quality: &QualityReport) {
         "expected",
         "outliers",
         "gated",
-        "of them good",
+        "good among gated",
     ]);
     for fit in &quality.sensors {
         let mean = fit.mean.map_or_else(String::new, |mean| fixed(mean, 2));
@@ -93,7 +93,7 @@ fn smoothing(quality: &QualityReport) {
     quality.weak.iter().for_each(|text| line(format_args!("weak: {text}")));
     if !quality.unobserved.is_empty() {
         let names = quality.unobserved.join(", ");
-        line(format_args!("not observed: {names}: 1-sigma never below 90 % of that at the start"));
+        line(format_args!("not observed: {names}: 1-sigma never below 90 % of its initial value"));
     }
     quality.contradictions.iter().for_each(|text| line(format_args!("contradiction: {text}")));
     quality.reconsidered.iter().for_each(|text| line(format_args!("reconsidered: {text}")));

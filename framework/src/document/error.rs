@@ -83,7 +83,7 @@ pub enum OverrideError {
     #[error("`key.path=value` is needed")]
     NoEqualsSign,
     /// The text before `=` is not a key path.
-    #[error("{text:?} is no key path such as sensor.dvl.gate")]
+    #[error("{text:?} is not a key path such as sensor.dvl.gate")]
     KeyPath {
         /// The text before `=`.
         text: String,

@@ -158,7 +158,7 @@ fn start<S: Sink>(sink: S, layout: Layout, most: usize) -> Result<Thread<S>, Str
         (sink, Ok(()))
     };
     let handle = Builder::new().name("sink".into()).spawn(work).map_err(|cause| {
-        StreamError::new("the system gives no thread to the sink").with_source(cause)
+        StreamError::new("the system cannot start a thread for the sink").with_source(cause)
     })?;
     let (batch, sent) = (Batch::default(), Instant::now());
     Ok(Thread { batch, places: None, sent, batches, empty, handle })

@@ -3,21 +3,18 @@
 
 use crate::compose::draw::{self, Draw};
 use crate::compose::estimator::Creator;
-use crate::compose::keys::{SensorKeys, WANDER};
+use crate::compose::keys::WANDER;
 use crate::compose::settings::{EstimatorConfig, Initial};
 use crate::compose::{self, Composer, Composition, Process, truth};
 use crate::document::{DocumentError, Node};
 use crate::model::process::{BuiltProcess, ProcessModel, Wanderer};
-use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
-use crate::plugin::{BuildError, BuiltSensor, Make};
+use crate::model::sensor::{Role, Sensor};
+use crate::plugin::{BuildError, Make};
 use crate::run::inputs::{self, InputPart};
 use crate::run::parts::Part;
 use crate::run::placing::place_sensor;
 use crate::run::rules::Rules;
 use crate::state::Layout;
-use crate::state::manifold::Scalar;
-use crate::units::Duration;
-use crate::units::time::{Span, Time};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -286,7 +286,7 @@ impl Quality {
             let good = good.map(|samples| {
                 format!(
                     "{sensor}: {samples} would have passed the gate beside the smoothed run: the \
-                     filter was wrong there, and not the sensor"
+                     filter was wrong there, not the sensor"
                 )
             });
             let bad = bad.map(|samples| {

@@ -19,7 +19,7 @@ impl QualityReport {
         sentences.extend(weak);
         if !self.unobserved.is_empty() {
             let text = format!(
-                "not observed: {}: 1-sigma never below 90 % of that at the start",
+                "not observed: {}: 1-sigma never below 90 % of its initial value",
                 self.unobserved.join(", ")
             );
             sentences.push((Level::Info, text));

@@ -158,7 +158,9 @@ fn accept_uses_the_first_sample_after_the_time() {
     expected[5] = Outcome::Accepted; // the first at 5 s after the first
     assert_eq!(b.log.outcomes(), expected);
     assert_eq!(
-        b.log.says("locked out: every one of 6 samples was gated since 10.000 s; this one is used"),
+        b.log.says(
+            "locked out: every one of 6 samples was gated since 10.000 s; this sample is used"
+        ),
         1
     );
 }

@@ -114,7 +114,7 @@ fn late_repeated_and_backward_samples_are_rejected_counted_and_said_once_in_a_ro
     assert_eq!(b.log.says("fix sample rejected: 0.400 s is before the state's 1.000 s"), 1);
     assert_eq!(b.log.says("before the state's"), 1);
     assert_eq!(
-        b.log.says("its time is there already"),
+        b.log.says("the sensor already has a sample of this time"),
         2,
         "one of each sensor: {:?}",
         b.log.events

@@ -79,8 +79,8 @@ fn contradiction(all: &Estimate, alone: &Estimate) -> Option<String> {
     let level = if apart >= FAR { VerdictLevel::DoNotUse } else { VerdictLevel::Doubtful };
     let (words, name) = (level.words(), ["k", "roll", "pitch", "yaw"][i]);
     Some(format!(
-        "{words}: ekf with all sensors contradicts it, by {apart:.1} sigma in {name}: a sensor that \
-         it lacks pulls the calibration; look at the bias, noise and lever arm of that sensor"
+        "{words}: ekf with all sensors differs from it by {apart:.1} sigma in {name}: a sensor that \
+         this method leaves out pulls the calibration; check the bias, noise and lever arm of that sensor"
     ))
 }
 

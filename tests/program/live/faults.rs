@@ -94,7 +94,7 @@ fn a_clock_that_is_set_by_an_hour_costs_a_few_samples_and_is_reported() {
             false => plain(line),
         });
         let text = warnings(&result);
-        assert!(text.contains(&format!("{name}: its clock was set by")), "{text}");
+        assert!(text.contains(&format!("{name}: its clock stepped by")), "{text}");
         assert!((35.0..45.0).contains(&end(&result)), "{name} {hour}: {}", end(&result));
         let read = result["samples"]["dvl"]["read"].as_u64();
         assert!(read.is_some_and(|read| read > 190), "{name} {hour}: {result}");

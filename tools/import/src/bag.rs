@@ -144,7 +144,7 @@ pub fn sensors(
             let why = if unset { "zero" } else { "not on the clock of the others" };
             found.source.push("stamp = \"receive\"".to_owned());
             found.questions.push(format!(
-                "all stamps of {} are {why}: the time of receiving is used, which is late",
+                "all stamps of {} are {why}: the receive time, which is late, is used",
                 topic.name
             ));
         }
@@ -196,7 +196,7 @@ pub fn sensors(
         sensor
             .found
             .questions
-            .push(format!("the poses of {} change their height alone", depth.name));
+            .push(format!("only the height of the poses of {} changes", depth.name));
         sensors.push(sensor);
     } else if let Some(pressure) = choose(survey, Use::Pressure, notes) {
         used.push(&pressure.name);

@@ -275,8 +275,8 @@ impl Recording {
         let text = match sense {
             Sense::Right => return false,
             Sense::LeftHanded => "its axes form a left-handed set: y is turned",
-            Sense::Rates => "its rates are negative: their signs are turned",
-            Sense::Forces => "its specific forces are negative: their signs are turned",
+            Sense::Rates => "its rates have the wrong sign: the signs are reversed",
+            Sense::Forces => "its specific forces have the wrong sign: the signs are reversed",
         };
         let Some(part) = self.part_mut("imu") else { return false };
         // each sense is turned once
@@ -438,8 +438,8 @@ impl Recording {
             None => part.samples.mounting = Some(turn),
         }
         let text = format!(
-            "its axes are turned by {:.1} deg about down against the IMU, sigma {:.1} deg, by the \
-             accelerations that both measure",
+            "its axes are rotated by {:.1} deg about down relative to the IMU, sigma {:.1} deg, according \
+             to the accelerations that both measure",
             turn.angle.to_degrees(),
             turn.sigma.to_degrees()
         );

@@ -270,8 +270,7 @@ impl Driver {
         match command {
             Command::Reset => {
                 self.reset = resets;
-                if resets { "the run begins anew" } else { "the run has no way to begin anew" }
-                    .to_owned()
+                if resets { "the run begins anew" } else { "this run cannot restart" }.to_owned()
             }
             Command::Checkpoint => match self.save() {
                 Ok(()) => "the run is saved".to_owned(),
@@ -303,7 +302,7 @@ impl Driver {
             Judged::Usable(time) => sample.time = time,
             Judged::Stepped(time, step) => {
                 sample.time = time;
-                let text = format!("its clock was set by {step:.1} s, which the run leaves out");
+                let text = format!("its clock stepped by {step:.1} s, which the run removes");
                 self.report(Level::Warning, self.names[sensor].clone(), text);
             }
             Judged::Refused(error) => {

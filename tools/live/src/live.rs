@@ -104,8 +104,8 @@ impl Live {
         let (mut keep, stopped) = (Keep(Arc::clone(&newest)), Arc::clone(&stop));
         let work = move || driver.run(false, &stopped, &mut keep).0;
         let thread = Builder::new().name("navfuse".to_owned()).spawn(work);
-        let thread =
-            thread.map_err(|e| StreamError::new("the system gives no thread").with_source(e))?;
+        let thread = thread
+            .map_err(|e| StreamError::new("the system cannot start a thread").with_source(e))?;
         Ok(Self { sensors, layout, inbox: Mutex::new(inbox), newest, stop, thread })
     }
 

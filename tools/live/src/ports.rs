@@ -21,7 +21,7 @@ impl Ports {
     /// Starts the feeds of a composition, each on a thread of its own.
     ///
     /// # Errors
-    /// When the system gives no thread.
+    /// When the system cannot start a thread.
     pub(crate) fn start(
         feeds: Vec<NamedFeed>,
         composition: &Composition,
@@ -39,10 +39,9 @@ impl Ports {
             let mut inbox = ports.inbox(name.clone());
             let thread = Builder::new().name(name).spawn(move || feed.run(&mut inbox));
             // the thread ends with the run, or with the process where its port blocks
-            drop(
-                thread
-                    .map_err(|e| StreamError::new("the system gives no thread").with_source(e))?,
-            );
+            drop(thread.map_err(|e| {
+                StreamError::new("the system cannot start a thread").with_source(e)
+            })?);
         }
         Ok(ports)
     }

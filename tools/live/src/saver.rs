@@ -58,7 +58,7 @@ impl Saver {
             }
         };
         let thread = Builder::new().name("saver".to_owned()).spawn(work);
-        let no_thread = |e| StreamError::new("the system gives no thread").with_source(e);
+        let no_thread = |e| StreamError::new("the system cannot start a thread").with_source(e);
         Ok(Self { folder: folder.to_path_buf(), to, thread: thread.map_err(no_thread)? })
     }
 

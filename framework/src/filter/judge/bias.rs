@@ -103,7 +103,7 @@ impl Shift {
             basis: Basis::Comparison,
             text: format!(
                 "the innovations of {channel} have a mean of {mean:+.2} sigma from {since} to \
-                 {time} ({count} samples), where those of a consistent filter have none"
+                 {time} ({count} samples), where a consistent filter's innovations have none"
             ),
             remedy: "look at the sensor in this span, and at its axes, signs and units; if its \
                      error is known to last, give it a bias or correlated_error"

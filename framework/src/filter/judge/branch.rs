@@ -241,8 +241,8 @@ impl Branch {
     /// Warning of a run that ends undecided.
     pub(in crate::filter) fn undecided(&self, time: Time, sensors: &[Sensor]) -> Event {
         let text = format!(
-            "either the filter was off at {}, or the sensor has been wrong since then: nothing has decided it, \
-             and the sigma contains both",
+            "either the filter was off at {}, or the sensor has been wrong since then: the samples do not \
+             decide which, and the sigma contains both cases",
             self.since
         );
         let about = sensors[self.sensor].info.name.clone();

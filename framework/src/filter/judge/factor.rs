@@ -161,9 +161,9 @@ impl WrongFactor {
     fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
         let (name, factor) = (sensor.channel(self.channel), self.factor);
         let cause = if factor < 0.0 {
-            "it has the other sign, as where its axis points the other way"
+            "its sign is reversed, for example because its axis points the other way"
         } else {
-            "it has another unit"
+            "its unit is wrong"
         };
         Finding {
             time,

@@ -199,8 +199,8 @@ impl Lockout {
     /// Reports that the filter follows gated samples, which outnumber those that it used.
     fn follow(&self, sample: &Judged<'_>, since: Time, count: u64, observer: &mut dyn Observer) {
         let text = format!(
-            "{count} samples since {since} agree with each other, and only {} were used before; the \
-             covariance is inflated and this one used",
+            "{count} samples since {since} agree with each other, but only {} were used before them; the \
+             covariance is inflated and this sample is used",
             self.accepted
         );
         find(sample, Severity::Doubtful, text, EARLIER, observer);
@@ -304,7 +304,7 @@ impl Lockout {
                 Verdict::Obey
             }
             Action::Accept => {
-                log(sample, Level::Warning, format!("{lock_out}; this one is used"), observer);
+                log(sample, Level::Warning, format!("{lock_out}; this sample is used"), observer);
                 Verdict::Accept
             }
             Action::Inflate if !evidence.shared && contradicted => {
@@ -336,8 +336,9 @@ impl Lockout {
                     None => (Severity::DoNotUse, String::new(), EITHER),
                 };
                 self.adopted |= silence.is_none() && !replaced;
-                let text =
-                    format!("{lock_out}{reason}; the covariance is inflated and this one used");
+                let text = format!(
+                    "{lock_out}{reason}; the covariance is inflated and this sample is used"
+                );
                 find(sample, severity, text, remedy, observer);
                 let undecided = silence.is_some() && !replaced && !evidence.shared;
                 if undecided { Verdict::Adopt } else { Verdict::Inflate }
@@ -368,8 +369,8 @@ impl Lockout {
         let lasts = lasted >= recovery.isolate.value().si();
         if contradicted && lasts && evidence.passes {
             let text = format!(
-                "the sensor was isolated for {lasted:.0} s; the uncertainty of the filter has grown by so much \
-                 that it contradicts the sensor no longer: it is used again, and the sigma contains both cases"
+                "the sensor was isolated for {lasted:.0} s; the filter's uncertainty has grown so much that it \
+                 no longer contradicts the sensor: the sensor is used again, and the sigma contains both cases"
             );
             find(sample, Severity::Doubtful, text, SENSOR, observer);
             self.isolation = None;
@@ -383,8 +384,8 @@ impl Lockout {
             self.follow(sample, since, count, observer);
         } else if lasts {
             let text = format!(
-                "the sensor contradicts the filter since {since} and was isolated for {lasted:.0} s; \
-                 the covariance is inflated and this sample used"
+                "the sensor has contradicted the filter since {since} and was isolated for {lasted:.0} s; \
+                 the covariance is inflated and this sample is used"
             );
             find(sample, Severity::DoNotUse, text, EITHER, observer);
         } else {
@@ -408,7 +409,7 @@ impl Lockout {
         }
         self.streak = None;
         let text = format!(
-            "its samples since {since} were wrong, and not the filter, which goes on as if it had not used them"
+            "its samples since {since} were wrong, not the filter, which continues as if it had not used them"
         );
         find(&Judged::none(sensor, began), Severity::Contained, text, SENSOR, observer);
     }
@@ -426,7 +427,7 @@ impl Lockout {
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {
             let text = format!(
-                "the sensor is isolated at the end, and contradicts the filter since {since}"
+                "the sensor is isolated at the end, and has contradicted the filter since {since}"
             );
             let (severity, remedy) = if contradicted {
                 (Severity::Contained, SENSOR)

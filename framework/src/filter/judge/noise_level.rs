@@ -59,7 +59,7 @@ impl NoiseLevel {
     pub(in crate::filter) fn words(&self) -> String {
         let sigma = self.variance.sqrt();
         let limit =
-            if self.is_at_limit() { ", which is at the limit: state another one" } else { "" };
+            if self.is_at_limit() { ", which is at its limit: state another noise" } else { "" };
         format!("its noise followed the innovations to {sigma:.2} times the stated one{limit}")
     }
 

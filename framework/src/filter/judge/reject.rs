@@ -49,7 +49,7 @@ impl Ekf {
             }
             Rejection::Missing => "sample rejected: channels are missing".to_owned(),
             Rejection::OutOfOrder if sample.time == last => {
-                "sample rejected: its time is there already".to_owned()
+                "sample rejected: the sensor already has a sample of this time".to_owned()
             }
             Rejection::OutOfOrder => {
                 format!("sample rejected: time goes back from {last} to {}", sample.time)
@@ -78,7 +78,7 @@ impl Ekf {
                 format!("sample rejected: channel {name} = {value} {why} its limits")
             }
             Rejection::Repeated => {
-                "sample rejected: it repeats the samples before, and the vehicle moves".to_owned()
+                "sample rejected: it repeats earlier samples while the vehicle moves".to_owned()
             }
             Rejection::Isolated => "sample judged and not used: the sensor is isolated".to_owned(),
             Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),

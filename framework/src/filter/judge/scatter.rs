@@ -125,7 +125,7 @@ impl Excess {
             basis: Basis::Explanation,
             text: format!(
                 "the stated accuracy is too small by {factor:.1}: the samples of {names}, used or \
-                 refused, scatter by so many times their noise; the filter takes the wider noise from \
+                 refused, scatter by that many times their noise; the filter takes the wider noise from \
                  now on, and follows the innovations"
             ),
             remedy: format!(

@@ -71,7 +71,7 @@ impl Ekf {
                 let conviction = Conviction { since, at: time, channels };
                 slot.lockout.convict(conviction, &slot.name, observer);
             } else if branch.was_in_doubt() {
-                let text = format!("the filter was off at {since}, and not the sensor");
+                let text = format!("the filter was off at {since}, not the sensor");
                 observer.event(Event { time, level: Level::Info, about: slot.name.clone(), text });
             }
         }

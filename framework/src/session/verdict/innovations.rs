@@ -5,11 +5,11 @@
 //! divided by its sigma and by the root of `E / m`, the share of the gated NIS, so that a consistent
 //! filter gives a white sequence `u` of variance 1.
 
-use super::nis::{Chance, Memory, NisSums};
 use super::channel::{ChannelStatistics, Departure, Whole};
+use super::nis::{Chance, Memory, NisSums};
 use super::report::{Report, SLIGHT, Size, reason, size};
 use crate::checkpoint::saved;
-use crate::model::chi_square::{Band, above, band, gated_moments, probability};
+use crate::model::chi_square::{Band, band, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};

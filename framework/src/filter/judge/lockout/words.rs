@@ -10,8 +10,8 @@ pub(super) const JUMPED: &str =
     "its innovation jumped between two samples, and an error of the filter grows gradually";
 
 /// Remedy where the first samples were wrong, or the prior was.
-pub(super) const EARLIER: &str = "look at the samples before, which the filter followed, and exclude them if \
-                                  they are wrong; or the prior is wrong";
+pub(super) const EARLIER: &str = "check the earlier samples, which the filter followed, and exclude them if \
+                                  they are wrong; otherwise check the prior";
 
 /// Remedy where the sensor is at fault.
 pub(super) const SENSOR: &str = "look at the sensor's samples from then on; its range, mounting and \
@@ -22,8 +22,8 @@ pub(super) const NOISE: &str = "the uncertainty was too small: raise the noise o
                                 the priors, until the innovations are consistent";
 
 /// Remedy where the screening may have replaced right samples.
-pub(super) const REPLACED: &str = "the replaced samples were right, as those of a hard stop are: if such \
-                                   shocks are expected, switch off the screening of the driving sensor";
+pub(super) const REPLACED: &str = "the replaced samples were right, as in a hard stop: if you expect such \
+                                   shocks, switch off the screening of the driving sensor";
 
 /// Remedy where the fault may be in the sensor or in the filter.
 pub(super) const EITHER: &str = "no other sensor decides which one is wrong: look at the sensor's samples \

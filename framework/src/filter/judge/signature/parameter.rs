@@ -111,7 +111,7 @@ impl Wrong {
                 found.moved(layout),
             ),
             remedy: format!(
-                "measure it; not tried: to estimate it by {key} = {{ sigma = \"{}\" }}",
+                "measure it, or estimate it (not tried) with {key} = {{ sigma = \"{}\" }}",
                 with_unit((2.0 * size / display.scale).abs()).trim_end(),
             ),
         }

@@ -70,7 +70,7 @@ pub(crate) fn untested(sensors: &[Sensor]) -> Option<String> {
     let count = sensors.iter().filter(|sensor| suits(sensor)).count();
     (count > TESTED).then(|| {
         format!(
-            "an offset or a wrong parameter is found in the first {TESTED} of {count} sensors alone"
+            "only the first {TESTED} of {count} sensors are tested for offsets and wrong parameters"
         )
     })
 }
