@@ -29,9 +29,18 @@ class Session:
     True
     """
 
-    def __init__(self, scenario: Scenario, *, covariance: bool = False) -> None:
-        """Composes a scenario; ``covariance`` as in :meth:`Scenario.run`."""
-        self._inner = _navfuse.Session(scenario._inner, covariance)
+    def __init__(self, scenario: Scenario, *, covariance: bool = False, resume: bytes | None = None) -> None:
+        """Composes a scenario.
+
+        Args:
+            scenario: what is estimated, and from which sensors.
+            covariance: as in :meth:`Scenario.run`.
+            resume: a :meth:`checkpoint` of the same scenario, from which the run goes on.
+
+        Raises:
+            NavfuseError: the checkpoint is damaged, or of a scenario with other blocks, sensors or processes.
+        """
+        self._inner = _navfuse.Session(scenario._inner, covariance, resume)
         sensors = json.loads(scenario._inner.describe())["sensors"]
         self._channels = {s["name"]: tuple(s["channels"]) for s in sensors}
         self._estimate: dict[str, Any] = json.loads(self._inner.text)
@@ -70,6 +79,16 @@ class Session:
     def verdict(self) -> Verdict:
         """The verdict on the run so far."""
         return Verdict.of(json.loads(self._inner.verdict()))
+
+    def checkpoint(self) -> bytes:
+        """The run as it is, from which another session goes on, bit for bit.
+
+        It is for the version of navfuse that made it, and leaves out the estimates so far.
+
+        Raises:
+            NavfuseError: the run cannot be saved, such as one that is smoothed.
+        """
+        return self._inner.checkpoint()
 
     def finish(self) -> Run:
         """Ends the run, and returns its result."""

@@ -7,6 +7,7 @@ use crate::samples::{sample, times, values};
 use crate::scenario::Scenario;
 use crate::watch::{Failure, locked};
 use navfuse::CommandError;
+use navfuse_core::checkpoint::{Checkpoint, CheckpointError};
 use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use navfuse_core::session::{End, RunError, Session as Core};
@@ -15,7 +16,7 @@ use navfuse_core::units::time::Time;
 use navfuse_csv::EstimateColumns;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -37,6 +38,11 @@ impl Running {
         }
         raised
     }
+}
+
+/// The exception of a checkpoint that cannot be written or used.
+fn unfit(error: CheckpointError) -> PyErr {
+    exception(CommandError::Request(error.to_string()))
 }
 
 /// Columns and their description, which a run knows when it starts.
@@ -101,7 +107,8 @@ impl Session {
 #[pymethods]
 impl Session {
     #[new]
-    fn new(scenario: &Scenario, covariance: bool) -> PyResult<Self> {
+    fn new(scenario: &Scenario, covariance: bool, resume: Option<&[u8]>) -> PyResult<Self> {
+        let from = resume.map(Checkpoint::from_bytes).transpose().map_err(unfit)?;
         let mut composition = scenario.composed()?.compose().map_err(exception)?;
         composition.simulated = false;
         let ids = composition
@@ -113,7 +120,11 @@ impl Session {
         let known = Known::default();
         let learning: NamedSink = ("columns".to_owned(), Box::new(Learning(Arc::clone(&known))));
         let recorder = ("python".to_owned(), Box::new(Recorder::new(covariance)) as _);
-        let core = Core::new(composition, vec![recorder, learning]);
+        let sinks = vec![recorder, learning];
+        let core = match from {
+            Some(from) => Core::resume(composition, sinks, &from).map_err(unfit)?,
+            None => Core::new(composition, sinks),
+        };
         let (columns, text) = known.get().cloned().unwrap_or_default();
         let running = Mutex::new(Some(Running { core, columns, error: None }));
         Ok(Self { running, failure: Arc::clone(&scenario.failure), sensors, text })
@@ -159,6 +170,12 @@ impl Session {
     fn verdict(&self, py: Python<'_>) -> PyResult<String> {
         let verdict = self.with(py, |running| running.core.health())?;
         serde_json::to_string(&verdict).map_err(exception)
+    }
+
+    /// The run as it is, in bytes.
+    fn checkpoint<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let saved = self.with(py, |running| running.core.checkpoint())?.map_err(unfit)?;
+        Ok(PyBytes::new(py, saved.as_bytes()))
     }
 
     /// Ends the run.

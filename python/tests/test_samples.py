@@ -187,6 +187,32 @@ def test_a_block_of_rows_is_pushed_at_once(recorded, short):
     assert a.time == later[-1][1] == b.time and same(a, b)
 
 
+def test_a_session_goes_on_from_its_checkpoint_to_the_same_bits(recorded, short):
+    _, log = recorded
+    samples = arrivals(log)
+    whole = navfuse.Session(short)
+    for k, sample in enumerate(samples):
+        if k == len(samples) // 2:
+            saved = whole.checkpoint()
+        whole.push(*sample)
+    resumed = navfuse.Session(short, resume=saved)
+    for sample in samples[len(samples) // 2 :]:
+        resumed.push(*sample)
+    assert same(whole.newest(), resumed.newest())
+    assert whole.finish().verdict == resumed.finish().verdict
+
+
+def test_a_checkpoint_that_does_not_fit_is_an_exception(short):
+    saved = navfuse.Session(short).checkpoint()
+    with pytest.raises(navfuse.NavfuseError, match="cut off"):
+        navfuse.Session(short, resume=saved[:-1])
+    with pytest.raises(navfuse.NavfuseError, match="no checkpoint"):
+        navfuse.Session(short, resume=b"no checkpoint at all")
+    other = short.set("sensor.dvl.bias", {"sigma": "1 cm/s"})
+    with pytest.raises(navfuse.NavfuseError, match="another scenario"):
+        navfuse.Session(other, resume=saved)
+
+
 def test_what_a_session_cannot_take_is_an_exception(short):
     session = navfuse.Session(short)
     with pytest.raises(ValueError, match="no sensor .sonar"):

@@ -24,7 +24,7 @@ fn the_wheel_installs_and_passes_its_tests() {
         names: "maturin, numpy and the programs that test the package",
         folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("wheel"),
         variable: None,
-        check: "import distributed, maturin, matplotlib, mypy, numpy, pandas, pyarrow, pytest",
+        check: "import distributed, maturin, matplotlib, mypy, numpy, pandas, polars, pyarrow, pytest",
         install: &[&[
             "maturin==1.16.0",
             "mypy==2.4.1",
@@ -32,6 +32,7 @@ fn the_wheel_installs_and_passes_its_tests() {
             "matplotlib",
             "numpy",
             "pandas",
+            "polars",
             "pyarrow",
             "pytest",
         ]],
