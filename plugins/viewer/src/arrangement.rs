@@ -2,8 +2,7 @@
 
 use crate::blueprint::{Layout, height};
 use crate::innovation::SensorSeries;
-use crate::map::{self, Graticule};
-use crate::rig::Mount;
+use crate::map::Graticule;
 use crate::run::Run;
 use crate::samples::SampleSeries;
 use crate::state::{BlockSeries, Plots, end_of_run};
@@ -27,9 +26,12 @@ const EYE: f32 = 2.3;
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Least and greatest height of the lanes: beside the lowest ones the error from -4 to 4 sigma has
-/// a number at every sigma.
-const LANES: [f64; 2] = [290.0, 340.0];
+/// Height of a small window (1280x720) and of a usual one (1600x1000) without their panels, pixels.
+const SMALL: f64 = 620.0;
+const USUAL: f64 = 900.0;
+/// Least and greatest share of the lanes in the height: beside the lowest ones the error from -4 to
+/// 4 sigma has a number at every sigma of a usual window; above the highest ones the page has room.
+const LANES: [f64; 2] = [0.33, 0.48];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;
 
@@ -116,7 +118,7 @@ impl Layout {
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
         let track = run.track.as_ref().map(|track| {
-            let name = enlarged("From above, coloured by sigma", track, self.ranges);
+            let name = enlarged("From above", track, self.ranges);
             let view = Spatial2DView::new(name.as_str());
             let view = ContainerLike::from(view.with_origin("/plan"));
             if let Some(plan) = crate::plan::Plan::new(&track.extent).filter(|_| self.ranges) {
@@ -133,7 +135,7 @@ impl Layout {
             }
             _ => page,
         };
-        let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(LANES[0], LANES[1]);
+        let share = share_of(run.lanes.len());
         let mut below = vec![match self.latest {
             Some(_) => self.plot("Health of the sensors", &["+ /live/health/**".to_owned()], None),
             None => self.lanes("Health of the sensors", &["+ /health/**".to_owned()]),
@@ -156,11 +158,11 @@ impl Layout {
                 }
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
-            below.push(self.plot_of(&name, &contents, Some(range), None, lanes - 46.0));
+            below.push(self.plot_of(&name, &contents, Some(range), None, share * USUAL - 46.0));
         }
-        let share = (lanes / (900.0 - lanes)) as f32;
         let below = Horizontal::new(below).with_column_shares(vec![1.4, 1.0]).into();
-        Vertical::new([top, below]).with_row_shares(vec![1.0, share]).with_name("Overview").into()
+        let shares = [1.0 - share, share].map(|share| share as f32);
+        Vertical::new([top, below]).with_row_shares(shares).with_name("Overview").into()
     }
 
     /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
@@ -176,15 +178,15 @@ impl Layout {
     /// The view in three dimensions whose eye follows the vehicle.
     fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
         let name = enlarged(name, track, self.ranges);
-        let view = self.space(&name, &track.extent);
-        // a tracked eye has a place of its own: with another position it would not follow
-        let spread = track.mounts.iter().any(Mount::is_apart);
-        let tracked = if spread { "sensors" } else { "hull" };
-        self.eye_follows(&view, &format!("/world/vehicle/{tracked}"));
+        // the marks of start and end would cover the vehicle there
+        let contents = ["+ /world/**", "- /world/marks"];
+        let view = self.space(&name, &track.extent, &contents);
+        self.eye_follows(&view, "/world/vehicle/around");
         view
     }
 
-    /// Lets the eye of a view in three dimensions follow an entity.
+    /// Lets the eye of a view in three dimensions follow an entity, at a distance that follows from
+    /// its size: a tracked eye has a place of its own, and with another position it would not follow.
     pub(crate) fn eye_follows(&mut self, view: &ContainerLike, entity: &str) {
         let eye = EyeControls3D::new()
             .with_tracking_entity(components::EntityPath::from(entity))
@@ -194,23 +196,32 @@ impl Layout {
 
     /// The views of all tracks in that box: in three dimensions and on the map.
     pub(crate) fn overviews(&mut self, extent: &Extent) -> [ContainerLike; 2] {
-        let whole = self.space("3-D track", extent);
+        let whole = self.space("3-D track", extent, &["+ /world/**"]);
         let graticule = Graticule::new(extent).filter(|_| self.ranges);
-        let name = graticule.map_or_else(|| "Map".to_owned(), |g| format!("Map, {}", g.title()));
+        let title = |g: &Graticule| format!("Map, {}", g.title());
+        let name = graticule.as_ref().map_or_else(|| "Map".to_owned(), title);
         let plane = ContainerLike::from(MapView::new(name.as_str()).with_origin("/map"));
+        if let Some(graticule) = graticule {
+            self.set(&plane, "MapZoom", MapZoom::new(graticule.zoom()));
+        }
         if let Some((middle, side)) = extent.middle().filter(|_| self.ranges) {
             let diagonal =
                 (0..3).map(|k| (extent.high[k] - extent.low[k]).powi(2)).sum::<f32>().sqrt();
             let radius = 0.5 * diagonal.max(side);
             self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
-            self.set(&plane, "MapZoom", MapZoom::new(map::zoom(extent)));
         }
         [whole, plane]
     }
 
-    /// A view in three dimensions with a grid.
-    pub(crate) fn space(&mut self, name: &str, extent: &Extent) -> ContainerLike {
-        let view = ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
+    /// A view in three dimensions of those entities, with a grid.
+    pub(crate) fn space(
+        &mut self,
+        name: &str,
+        extent: &Extent,
+        contents: &[&str],
+    ) -> ContainerLike {
+        let view = Spatial3DView::new(name).with_origin("/world");
+        let view = ContainerLike::from(view.with_contents(contents.iter().copied()));
         if let Some((_, side)) = extent.middle().filter(|_| self.ranges) {
             let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
             let level = Plane3D::new([0.0, 0.0, 1.0], extent.level());
@@ -319,8 +330,18 @@ impl Layout {
                 None => {}
             }
         }
+        // an odd number of plots leaves no empty place: the NIS has a row of its own
+        let wide =
+            (columns == 2 && count % 2 == 1 && sensor.nis.is_some()).then(|| plots.remove(0));
         let grid = Grid::new(plots).with_grid_columns(columns as u32);
-        Some(grid.with_name(sensor.name.as_str()).into())
+        Some(match wide {
+            None => grid.with_name(sensor.name.as_str()).into(),
+            Some(nis) => {
+                let shares = [1.0, (self.rows - 1) as f32];
+                let rows = Vertical::new([nis, grid.into()]).with_row_shares(shares);
+                rows.with_name(sensor.name.as_str()).into()
+            }
+        })
     }
 
     /// The samples of all sensors.
@@ -370,6 +391,11 @@ fn powers(unit: &str) -> String {
     if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
 }
 
+/// The share of that many lanes in the height of the overview: each is visible in a small window.
+fn share_of(lanes: usize) -> f64 {
+    ((LANE[0] * lanes as f64 + LANE[1]) / SMALL).clamp(LANES[0], LANES[1])
+}
+
 /// The eye south of a place and above it, so that north is ahead and east to the right.
 fn eye(middle: [f32; 3], distance: f32) -> EyeControls3D {
     // a direction of length one
@@ -387,5 +413,19 @@ fn enlarged(name: &str, track: &Motion, over: bool) -> String {
     match crate::ellipses::enlargement(track) {
         enlarged if over && enlarged > 1.0 => format!("{name}; 3 sigma x {enlarged}"),
         _ => format!("{name}; 3 sigma"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn six_sensors_fit_into_a_small_window_and_the_page_has_more_than_half() {
+        for lanes in 1..=6 {
+            let share = share_of(lanes);
+            assert!(share * SMALL >= LANE[0] * lanes as f64 + LANE[1] - 1e-9, "{lanes}: {share}");
+            assert!(share < 0.5, "{lanes}: {share}");
+        }
     }
 }

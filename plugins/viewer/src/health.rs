@@ -1,17 +1,10 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
-use crate::recording::Recording;
-use crate::style::{Colour, GATED, REJECTED, path};
+use crate::style::{Colour, GATED, REJECTED};
 use navfuse_core::model::chi_square::{gated_moments, outside};
-use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
-use navfuse_core::model::sensor::{Purpose, SensorInfo};
-use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::{Span, Time};
-use re_sdk::EntityPath;
-use re_sdk_types::archetypes::{Scalars, SeriesLines, StateChange, StateConfiguration};
-use re_sdk_types::components::Color;
 use std::collections::VecDeque;
 
 /// Number of latest samples whose majority is the health of a sensor: a single outlier does not
@@ -23,9 +16,6 @@ const NIS_WINDOW: usize = 25;
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
 const NIS_EXCESS: f64 = 1.5;
-
-/// Width of the line of a sensor while the run goes on.
-const THICK: f32 = 10.0;
 
 /// Health of a sensor at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,18 +76,33 @@ pub struct Stretch {
     pub to: Time,
 }
 
+/// A sample that the filter judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// Time of the sample.
+    pub time: Time,
+    /// What became of the sample.
+    pub health: Health,
+    /// Bit `k` is set for a channel that the sample has.
+    pub present: u16,
+    /// Innovation of an accepted sample.
+    pub innovation: Option<Judgement>,
+}
+
+/// Innovation of a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Judgement {
+    /// Number of its channels.
+    pub channels: usize,
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// Threshold of the gate; infinite without a gate.
+    pub threshold: f64,
+}
+
 /// Lane of one sensor.
+#[derive(Clone, Debug, Default)]
 pub struct Lane {
-    /// Name of the sensor.
-    pub name: String,
-    /// Entity of the lane.
-    pub path: EntityPath,
-    /// Set for a sensor that corrects the state.
-    pub measures: bool,
-    /// Numbers of samples by outcome.
-    pub outcomes: Outcomes,
-    /// Samples that reached the gate, and gated ones, while the vehicle turned.
-    pub in_turns: [u64; 2],
     /// Finished stretches.
     pub stretches: Vec<Stretch>,
     current: Option<(Health, Time)>,
@@ -105,7 +110,8 @@ pub struct Lane {
     doubted: bool,
     latest: VecDeque<(Time, Health)>,
     nis: VecDeque<[f64; 3]>,
-    moments: (usize, f64, [f64; 2]),
+    /// Number of channels and bits of the threshold for which the moments were computed.
+    moments: Option<((usize, u64), [f64; 2])>,
     rhythm: Rhythm,
     last: Option<Time>,
     /// Time and channels of the last update.
@@ -113,141 +119,73 @@ pub struct Lane {
 }
 
 impl Lane {
-    /// The lane of a sensor; `None` for a reference.
-    pub fn new(info: &SensorInfo) -> Option<Self> {
-        (info.purpose != Purpose::Reference).then(|| Self {
-            name: info.name.clone(),
-            path: path(&["health", &info.name]),
-            measures: info.purpose == Purpose::Measurement,
-            outcomes: Outcomes::default(),
-            in_turns: [0; 2],
-            stretches: Vec::new(),
-            current: None,
-            doubted: false,
-            latest: VecDeque::with_capacity(MAJORITY),
-            nis: VecDeque::with_capacity(NIS_WINDOW),
-            moments: (0, f64::NAN, [0.0; 2]),
-            rhythm: Rhythm::default(),
-            last: None,
-            part: None,
-        })
+    /// Health at present and its begin; `None` before the first time.
+    pub fn current(&self) -> Option<(Health, Time)> {
+        self.current
     }
 
-    /// Set where a finding or a reason is about the sensor or one of its states: `dvl.scale`.
-    pub fn is_meant_by(&self, about: &str) -> bool {
-        about.split(['.', ' ']).next() == Some(&self.name)
-    }
-
-    /// Writes the colours of the lane.
-    pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
-        let colours = Health::ALL.map(|h| {
-            let [r, g, b] = h.colour();
-            Color::from_rgb(r, g, b)
-        });
-        let look = StateConfiguration::new()
-            .with_values(Health::ALL.map(Health::word))
-            .with_colors(colours);
-        recording.log_static(&self.path, &look)
-    }
-
-    /// Sends the present health to the viewers that watch, as a point of the `k`-th thick line: their
-    /// lanes do not follow the cursor.
-    pub fn show(&self, recording: &Recording, k: usize, now: Time) -> Result<(), StreamError> {
-        let Some((health, _)) = self.current else { return Ok(()) };
-        let entity = path(&["live", "health", &self.name]);
-        let level = k as f64 + 1.0;
-        let look = SeriesLines::update_fields()
-            .with_names([format!("{level} {}", self.name)])
-            .with_widths([THICK]);
-        recording.log_static_to_viewers(&entity, &look)?;
-        let colour = SeriesLines::update_fields().with_colors([health.colour()]);
-        let point =
-            Scalars::single(level).columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        let colour = colour.columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        recording.columns_to_viewers(&entity, &[now.nanos()], point.chain(colour))
+    /// Health and begin of all stretches but the first ones, the present one included.
+    pub fn begun(&self, first: usize) -> impl Iterator<Item = (Health, Time)> + '_ {
+        let more = self.stretches.get(first..).unwrap_or_default();
+        let current = self.current.filter(|_| first <= self.stretches.len());
+        more.iter().map(|s| (s.health, s.from)).chain(current)
     }
 
     /// Notes the time, and with it a silence. The first call begins the lane.
-    pub fn tick(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
+    pub fn tick(&mut self, now: Time) {
         match (self.current, self.last) {
-            (None, None) => self.change(recording, Health::Silent, now),
+            (None, None) => self.change(Health::Silent, now),
             (Some((health, _)), Some(last)) if health != Health::Silent => {
-                let Some(usual) = self.rhythm.usual() else { return Ok(()) };
-                if now.since(last) <= self.rhythm.patience() {
-                    return Ok(());
+                let Some(usual) = self.rhythm.usual() else { return };
+                if now.since(last) > self.rhythm.patience() {
+                    self.latest.clear();
+                    self.change(Health::Silent, after(last, usual));
                 }
-                self.latest.clear();
-                self.change(recording, Health::Silent, after(last, usual))
             }
-            _ => Ok(()),
+            _ => {}
         }
     }
 
     /// Adds a sample of a driving sensor.
-    pub fn sample(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
-        if self.measures {
-            return Ok(());
-        }
-        self.outcomes.accepted += 1;
-        self.judge(recording, time, Health::Used)
+    pub fn sample(&mut self, time: Time) {
+        self.judge(time, Health::Used);
     }
 
     /// Takes a finding about the sensor: from its time on the sensor is doubted where it is used.
-    pub fn doubt(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
+    pub fn doubt(&mut self, time: Time) {
         self.doubted = true;
-        match self.current {
-            Some((Health::Used | Health::Noisy, from)) => {
-                self.change(recording, Health::Doubted, time.max(from))
-            }
-            _ => Ok(()),
+        if let Some((Health::Used | Health::Noisy, from)) = self.current {
+            self.change(Health::Doubted, time.max(from));
         }
     }
 
     /// Takes back a sample of a driving sensor, which the filter rejected.
-    pub fn reject(
-        &mut self,
-        recording: &Recording,
-        rejection: &InputRejection,
-    ) -> Result<(), StreamError> {
-        self.outcomes.accepted = self.outcomes.accepted.saturating_sub(1);
-        self.outcomes.reject(rejection.reason);
-        if self.latest.back().is_some_and(|latest| latest.0 == rejection.time) {
+    pub fn reject(&mut self, time: Time) {
+        if self.latest.back().is_some_and(|latest| latest.0 == time) {
             self.latest.pop_back();
         }
-        self.follow(recording, rejection.time, Health::Rejected)
+        self.follow(time, Health::Rejected);
     }
 
-    /// Adds the outcome of a sample; `turning` while the vehicle turns.
-    pub fn update(
-        &mut self,
-        recording: &Recording,
-        update: &UpdateRecord<'_>,
-        turning: bool,
-    ) -> Result<(), StreamError> {
-        if turning && !matches!(update.outcome, Outcome::Rejected(_)) {
-            self.in_turns[0] += 1;
-            self.in_turns[1] += u64::from(update.outcome == Outcome::Gated);
-        }
-        self.outcomes.add(update.outcome);
-        let health = match update.outcome {
-            Outcome::Accepted => self.consistent(update),
-            Outcome::Placed => Health::Used,
-            Outcome::Gated => Health::Gated,
-            Outcome::Rejected(_) => Health::Rejected,
+    /// Adds a sample that the filter judged.
+    pub fn update(&mut self, update: &Judged) {
+        let health = match &update.innovation {
+            Some(innovation) => self.consistent(innovation),
+            None => update.health,
         };
         if self.is_part(update) {
             // of a sample in parts the worst one counts
             match self.latest.back() {
-                Some((_, Health::Gated | Health::Rejected)) => return Ok(()),
+                Some((_, Health::Gated | Health::Rejected)) => return,
                 _ => drop(self.latest.pop_back()),
             }
         }
-        self.judge(recording, update.time, health)
+        self.judge(update.time, health);
     }
 
     /// Returns `true` for a further part of a sample, which has channels of its own: the filter
     /// uses the groups of channels that pass the gate.
-    fn is_part(&mut self, update: &UpdateRecord<'_>) -> bool {
+    fn is_part(&mut self, update: &Judged) -> bool {
         let before = self.part.replace((update.time, update.present));
         before.is_some_and(|(time, present)| time == update.time && present & update.present == 0)
     }
@@ -260,17 +198,18 @@ impl Lane {
     }
 
     /// Judges the NIS of the latest accepted samples against its expectation behind the gate.
-    fn consistent(&mut self, update: &UpdateRecord<'_>) -> Health {
-        let m = update.innovation.len();
-        if (self.moments.0, self.moments.1.to_bits()) != (m, update.threshold.to_bits()) {
-            let (mean, variance) = gated_moments(m, update.threshold);
-            self.moments = (m, update.threshold, [mean, variance]);
-        }
+    fn consistent(&mut self, innovation: &Judgement) -> Health {
+        let Judgement { channels, nis, threshold } = *innovation;
+        let key = (channels, threshold.to_bits());
+        let [mean, variance] = match self.moments {
+            Some((of, moments)) if of == key => moments,
+            _ => gated_moments(channels, threshold).into(),
+        };
+        self.moments = Some((key, [mean, variance]));
         if self.nis.len() == NIS_WINDOW {
             self.nis.pop_front();
         }
-        let [mean, variance] = self.moments.2;
-        self.nis.push_back([update.nis, mean, variance]);
+        self.nis.push_back([nis, mean, variance]);
         let [sum, mean, variance] =
             self.nis.iter().fold([0.0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
         let noisy = self.nis.len() == NIS_WINDOW
@@ -280,27 +219,17 @@ impl Lane {
     }
 
     /// Takes the health of a sample that arrives.
-    fn judge(
-        &mut self,
-        recording: &Recording,
-        time: Time,
-        health: Health,
-    ) -> Result<(), StreamError> {
-        self.tick(recording, time)?;
+    fn judge(&mut self, time: Time, health: Health) {
+        self.tick(time);
         if let Some(last) = self.last {
             self.rhythm.take(time.since(last));
         }
         self.last = Some(time);
-        self.follow(recording, time, health)
+        self.follow(time, health);
     }
 
     /// Lets the lane follow the majority of the latest samples, of which this is one.
-    fn follow(
-        &mut self,
-        recording: &Recording,
-        time: Time,
-        health: Health,
-    ) -> Result<(), StreamError> {
+    fn follow(&mut self, time: Time, health: Health) {
         let health = match health {
             Health::Used | Health::Noisy if self.doubted => Health::Doubted,
             other => other,
@@ -315,21 +244,14 @@ impl Lane {
         if shown != Some(health) && 2 * same().count() > self.latest.len() {
             let begun = same().next().map_or(time, |l| l.0);
             let begun = self.current.map_or(begun, |c| begun.max(c.1));
-            self.change(recording, health, begun)?;
+            self.change(health, begun);
         }
-        Ok(())
     }
 
-    fn change(
-        &mut self,
-        recording: &Recording,
-        health: Health,
-        at: Time,
-    ) -> Result<(), StreamError> {
+    fn change(&mut self, health: Health, at: Time) {
         if let Some((before, from)) = self.current.replace((health, at)) {
             self.stretches.push(Stretch { health: before, from, to: at });
         }
-        recording.log(&self.path, at.nanos(), &StateChange::single(health.word()))
     }
 }
 

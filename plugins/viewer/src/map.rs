@@ -8,8 +8,9 @@ use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::GeoLineStrings;
 use re_sdk_types::components::Radius;
 
-/// The span of a track on the map, pixels.
-const MAP_PIXELS: f64 = 350.0;
+/// Height and width of the graticule on the map, pixels: it fits into the map of a small window
+/// (1280x720).
+const MAP_PIXELS: [f64; 2] = [290.0, 500.0];
 /// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
 /// over the 256 pixels of the one tile.
 const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
@@ -19,14 +20,6 @@ const MESHES: f64 = 5.0;
 const LEAST: f64 = 1e-3;
 /// Colour of the graticule.
 const GRID: Colour = [70, 76, 86];
-
-/// The zoom of the map at which a track fits: a pixel is `MAP_SCALE cos(latitude) / 2^zoom` metres.
-pub fn zoom(extent: &Extent) -> f64 {
-    let side = (0..2).map(|k| f64::from(extent.high[k] - extent.low[k])).fold(1.0, f64::max);
-    let latitude = 0.5 * (extent.geo[0][0] + extent.geo[1][0]);
-    let metres = MAP_SCALE * latitude.to_radians().cos().abs();
-    (metres * MAP_PIXELS / side).log2().clamp(1.0, 19.0)
-}
 
 /// Lines of equal latitude and longitude around a track.
 pub struct Graticule {
@@ -47,6 +40,17 @@ impl Graticule {
         let spacing = round(side / MESHES);
         let lines = [0, 1].map(|k| [(low[k] / spacing).floor(), (high[k] / spacing).ceil()]);
         Some(Self { spacing, lines })
+    }
+
+    /// The zoom of the map at which the graticule fits, which is the middle of the map: a pixel is
+    /// `MAP_SCALE cos(latitude) / 2^zoom` metres, of a minute of latitude 1852.
+    pub fn zoom(&self) -> f64 {
+        let [latitude, longitude] = self.lines.map(|[first, last]| (last - first) * self.spacing);
+        let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
+        let cosine = middle.to_radians().cos().abs();
+        let sides = [1852.0 * latitude, 1852.0 * cosine * longitude];
+        let scale = |k: usize| MAP_SCALE * cosine * MAP_PIXELS[k] / sides[k].max(1.0);
+        scale(0).min(scale(1)).log2().clamp(1.0, 19.0)
     }
 
     /// The words for a title: the viewer's map draws no labels.
@@ -95,11 +99,15 @@ mod tests {
         Extent { low: [0.0; 3], high: [500.0, 1200.0, 30.0], geo }
     }
 
+    /// 5 minutes of latitude are 9260 m, and at 60 deg 4 minutes of longitude 3704 m: the height
+    /// decides.
     #[test]
-    fn a_track_spans_the_intended_pixels_of_the_map() {
+    fn the_graticule_spans_the_intended_pixels_of_the_map() {
+        let lines = [[3597.5, 3602.5], [0.0, 4.0]];
+        let zoom = Graticule { spacing: 1.0, lines }.zoom();
         // at zoom z a pixel is the circumference cos(latitude) / 256 / 2^z metres
-        let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom(&extent([[60.0, 0.0]; 2])).exp2();
-        assert!((1200.0 / pixel - MAP_PIXELS).abs() < 1e-6, "{pixel} m");
+        let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom.exp2();
+        assert!((9260.0 / pixel - MAP_PIXELS[0]).abs() < 1e-6, "{pixel} m");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::axis::short;
 use crate::blueprint::Layout;
 use crate::map::Graticule;
 use crate::recording::Recording;
-use crate::scene::{VEHICLE, hull};
+use crate::scene::{VEHICLE, around, hull};
 use crate::style::{Colour, path};
 use crate::track::{Extent, Place};
 use navfuse_core::model::stream::StreamError;
@@ -24,6 +24,9 @@ const WIDER: f32 = 0.6;
 
 /// Least length of the vehicles, as a share of the longest side of the tracks.
 const LEAST: f32 = 1e-3;
+/// Reach of the cube that the eye sees around the first vehicle, in lengths, which are twice the mean
+/// distance of the others.
+const AROUND: f32 = 0.55;
 
 /// The track of one run.
 #[derive(Clone, Debug)]
@@ -104,17 +107,18 @@ pub fn draw(recording: &Recording, tracks: &[Overlaid]) -> Result<(), StreamErro
         recording.columns(&entity, &times, columns)?;
         let look = GeoPoints::update_fields().with_colors([track.colour]).with_radii([mark]);
         recording.log_static(&entity, &look)?;
-        draw_vehicle(recording, &name, track, length)?;
+        draw_vehicle(recording, &name, track, length, k)?;
     }
     Ok(())
 }
 
-/// Draws the vehicle of a run in the run's colour.
+/// Draws the vehicle of the `k`-th run in the run's colour, with its name.
 fn draw_vehicle(
     recording: &Recording,
     name: &str,
     track: &Overlaid,
     length: f32,
+    k: usize,
 ) -> Result<(), StreamError> {
     let poses: Vec<(&OverlaidPlace, [f32; 4])> =
         track.places.iter().filter_map(|p| Some((p, p.attitude?))).collect();
@@ -129,7 +133,16 @@ fn draw_vehicle(
     recording.columns(&path(&["world", name, "vehicle"]), &times, columns)?;
     let shade = |light: f32| track.colour.map(|c| (f32::from(c) * light).min(255.0) as u8);
     let shades = [1.3, 0.8, 1.0, 0.5, 1.2, 1.5].map(shade);
-    recording.log_static(&path(&["world", name, "vehicle", "hull"]), &hull(length, shades))
+    let body = |leaf: &str| path(&["world", name, "vehicle", leaf]);
+    recording.log_static(&body("hull"), &hull(length, shades))?;
+    recording.log_static(&body("around"), &around(AROUND * length))?;
+    // the names of vehicles at one place are above each other
+    let label = Points3D::new([[0.0, 0.0, -(0.5 + 0.3 * k as f32) * length]])
+        .with_labels([track.name.as_str()])
+        .with_show_labels(true)
+        .with_colors([track.colour])
+        .with_radii([Radius::new_ui_points(MARK)]);
+    recording.log_static(&body("name"), &label)
 }
 
 /// The length of the vehicles: twice the mean distance between the first one and the others, so that
@@ -189,8 +202,10 @@ impl Layout {
         let extent = extent(tracks);
         let (_, side) = extent.middle()?;
         let name = format!("Vehicles of all runs, {} m long", short(length(tracks, side).into()));
-        let view = self.space(&name, &extent);
-        self.eye_follows(&view, &path(&["world", &first.entity(k), "vehicle", "hull"]).to_string());
+        // the names are at the vehicles
+        let view = self.space(&name, &extent, &["+ /world/**", "- /world/legend"]);
+        let entity = path(&["world", &first.entity(k), "vehicle", "around"]);
+        self.eye_follows(&view, &entity.to_string());
         Some(view)
     }
 }

@@ -1,8 +1,9 @@
 //! The overview: whether the run may be used, what converged, which sensor was bad and when.
 
 use crate::axis::{self, short};
-use crate::health::{Health, Lane, Stretch};
+use crate::health::{Health, Stretch};
 use crate::innovation::SensorSeries;
+use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
 use navfuse_core::model::record::answers::{Answers, Truth};
@@ -52,23 +53,32 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
 pub fn page(run: &Run, verdict: Option<&Verdict>) -> String {
     let mut page = String::new();
     let name = if run.smoothed { format!("{}, smoothed", run.name) } else { run.name.clone() };
+    let errors = Errors::of(&run.blocks);
     match verdict {
-        Some(verdict) => write_verdict(&mut page, &name, verdict),
+        Some(verdict) => write_verdict(&mut page, &name, verdict, &errors),
         None => page += &format!("# {name}\n\nThe run has no verdict yet.\n"),
     }
-    write_sensors(&mut page, &run.lanes, &run.sensors, verdict);
+    // the answers before the tables: a small window shows them without scrolling
+    write_bad(&mut page, &run.lanes, &run.sensors, verdict);
     write_convergence(&mut page, &run.blocks);
-    write_errors(&mut page, &run.blocks, verdict);
+    errors.answer(&mut page, verdict);
+    write_sensors(&mut page, &run.lanes, verdict);
+    errors.table(&mut page, &run.blocks);
     page
 }
 
-fn write_verdict(page: &mut String, name: &str, verdict: &Verdict) {
+fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let _ = writeln!(page, "# {name}: {}\n", verdict.level.words());
     let Answers { usable, because, sigma, change } = verdict.answers();
     let because = if because.is_empty() { because } else { format!(", {because}") };
     let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
-    let (usable, sigma) = (usable.words(), sigma.words());
+    // the verdict and the errors are one judgement
+    let sigma = match sigma {
+        Truth::True if errors.wrong > 0 => "too small at times",
+        sigma => sigma.words(),
+    };
+    let usable = usable.words();
     let _ = writeln!(
         page,
         "Usable: **{usable}**{because} · sigma: **{sigma}** · look at: **{about}**\n"
@@ -83,22 +93,23 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict) {
     }
 }
 
-fn write_sensors(
+fn write_bad(
     page: &mut String,
-    lanes: &[Lane],
+    lanes: &[SensorLane],
     sensors: &[SensorSeries],
     verdict: Option<&Verdict>,
 ) {
-    page.push_str("\n### Which sensor was bad, and when\n\n");
-    let accused = |lane: &Lane| {
+    page.push_str("\n**Which sensor was bad, and when?** ");
+    let accused = |lane: &SensorLane| {
         let named = verdict?.reasons.iter().any(|reason| lane.is_meant_by(&reason.about));
         named.then(|| format!("**{}**, over the run: see the verdict", lane.name))
     };
     let found: Vec<_> =
         lanes.iter().map(|lane| (lane, bad(lane).or_else(|| accused(lane)))).collect();
     if found.iter().all(|(_, bad)| bad.is_none()) {
-        page.push_str("**None** was gated, rejected or doubted for longer than a second.\n\n");
+        page.push_str("None was gated, rejected or doubted for longer than a second.");
     }
+    page.push_str("\n\n");
     for (lane, bad) in found {
         let when = not_used(lane, sensors.iter().find(|s| s.name == lane.name));
         let _ = match (bad, when.is_empty()) {
@@ -108,6 +119,10 @@ fn write_sensors(
             (None, true) => Ok(()),
         };
     }
+}
+
+/// The numbers of samples of each sensor.
+fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdict>) {
     page.push_str(
         "\n| sensor | used | gated | rejected | NIS (expected) |\n|---|--:|--:|--:|--:|\n",
     );
@@ -128,9 +143,9 @@ fn write_sensors(
 }
 
 /// The name of a sensor that was bad, and for how long; `None` for a good one.
-fn bad(lane: &Lane) -> Option<String> {
+fn bad(lane: &SensorLane) -> Option<String> {
     let bad = |s: &&Stretch| !matches!(s.health, Health::Used | Health::Silent);
-    let length: f64 = lane.stretches.iter().filter(bad).map(|s| s.to.since(s.from)).sum();
+    let length: f64 = lane.lane.stretches.iter().filter(bad).map(|s| s.to.since(s.from)).sum();
     (length >= SHORTEST).then(|| {
         let turns = if is_bad_in_turns(lane) {
             ", mostly in turns: look at its lever arm, mounting angles and clock"
@@ -142,7 +157,7 @@ fn bad(lane: &Lane) -> Option<String> {
 }
 
 /// Set where the gate rejects samples in turns above all.
-fn is_bad_in_turns(lane: &Lane) -> bool {
+fn is_bad_in_turns(lane: &SensorLane) -> bool {
     let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
     let gated = share(lane.in_turns[1], lane.outcomes.gated);
     lane.outcomes.gated >= GATED
@@ -152,12 +167,12 @@ fn is_bad_in_turns(lane: &Lane) -> bool {
 }
 
 /// The longest stretches in which a sensor was not used, in order of time, and the reasons.
-fn not_used(lane: &Lane, series: Option<&SensorSeries>) -> String {
+fn not_used(lane: &SensorLane, series: Option<&SensorSeries>) -> String {
     let bad = |s: &&Stretch| {
         let shortest = if s.health == Health::Silent { SHORTEST_SILENCE } else { SHORTEST };
         s.health != Health::Used && s.to.since(s.from) >= shortest
     };
-    let mut stretches: Vec<&Stretch> = lane.stretches.iter().filter(bad).collect();
+    let mut stretches: Vec<&Stretch> = lane.lane.stretches.iter().filter(bad).collect();
     let count = stretches.len();
     // a fault is more important than a silence of the same length
     stretches.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
@@ -197,7 +212,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     let total = shares.len();
     shares.retain(|s| s.1 > CONVERGED);
-    page.push_str("\n### Did it converge\n\n");
+    page.push_str("\n**Did it converge?** ");
     let answer = match shares.len() {
         0 => "Yes",
         n if n < total => "In part",
@@ -205,7 +220,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     };
     let _ = writeln!(
         page,
-        "**{answer}**: {} of {total} states ended with at most half of their prior sigma.",
+        "{answer}: {} of {total} states ended with at most half of their prior sigma.",
         total - shares.len()
     );
     if !shares.is_empty() {
@@ -220,67 +235,108 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     }
 }
 
-fn write_errors(page: &mut String, blocks: &[BlockSeries], verdict: Option<&Verdict>) {
-    page.push_str("\n### Is the sigma to be believed\n\n");
-    let mut errors: Vec<_> = blocks
-        .iter()
-        .flat_map(|b| (0..b.components.len()).map(move |k| (b, k)))
-        .filter_map(|(b, k)| Some((b, k, b.components[k].tally.worst?)))
-        .collect();
-    if errors.is_empty() {
-        page.push_str(
-            "**Not known**: there is no truth. The NIS above and the verdict are the evidence.\n",
-        );
-        return;
+/// The errors of all components whose truth is known.
+struct Errors {
+    /// Block and component with the largest error in sigma and its time, the largest first.
+    largest: Vec<(usize, usize, (f64, Time))>,
+    /// Number of components that were outside 3 sigma for longer than [`OUTSIDE`] of the time.
+    wrong: usize,
+}
+
+impl Errors {
+    fn of(blocks: &[BlockSeries]) -> Self {
+        let all = || {
+            let components = blocks.iter().enumerate();
+            components.flat_map(|(b, block)| (0..block.components.len()).map(move |k| (b, k)))
+        };
+        let tally = |b: usize, k: usize| &blocks[b].components[k].tally;
+        let mut largest: Vec<_> =
+            all().filter_map(|(b, k)| Some((b, k, tally(b, k).worst?))).collect();
+        largest.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
+        let share = |(b, k, _): &&(usize, usize, (f64, Time))| {
+            let tally = tally(*b, *k);
+            tally.outside as f64 / tally.compared.max(1) as f64 > OUTSIDE
+        };
+        let wrong = largest.iter().filter(share).count();
+        Self { largest, wrong }
     }
-    errors.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
-    let share = |b: &BlockSeries, k: usize| {
-        let tally = &b.components[k].tally;
-        tally.outside as f64 / tally.compared.max(1) as f64
-    };
-    let wrong = errors.iter().filter(|(b, k, _)| share(b, *k) > OUTSIDE).count();
-    // the verdict and the errors are one judgement: either may contradict the sigma
-    let answer = match verdict.map_or(Truth::True, |verdict| verdict.answers().sigma) {
-        _ if wrong > 0 => "No",
-        Truth::True => "Yes",
-        Truth::TooLarge => "Yes, it is too large",
-        Truth::TooSmall => "No, by the verdict",
-    };
-    let _ = writeln!(
-        page,
-        "**{answer}**: {} of {} states were outside 3 sigma for more than {:.0} % of the time.\n",
-        wrong,
-        errors.len(),
-        100.0 * OUTSIDE
-    );
-    page.push_str(
-        "| state | error at the end | 1 sigma | largest, in sigma | at | left 3 sigma at |\n",
-    );
-    page.push_str("|---|--:|--:|--:|--:|--:|\n");
-    for (b, k, (size, at)) in errors.iter().take(STATES) {
-        let c = &b.components[*k];
-        let scale = axis::scale(c.unit, c.tally.sigma);
-        let error = c.tally.error.unwrap_or(f64::NAN) / scale.size;
-        let sigma = c.tally.sigma / scale.size;
-        let left = c.tally.left.map_or_else(String::new, |e| format!("{:.0} s", e.from.seconds()));
+
+    fn answer(&self, page: &mut String, verdict: Option<&Verdict>) {
+        page.push_str("\n**Is the sigma to be believed?** ");
+        if self.largest.is_empty() {
+            page.push_str(
+                "Not known: there is no truth. The NIS below and the verdict are the evidence.\n",
+            );
+            return;
+        }
+        // the verdict and the errors are one judgement: either may contradict the sigma
+        let answer = match verdict.map_or(Truth::True, |verdict| verdict.answers().sigma) {
+            _ if self.wrong > 0 => "No",
+            Truth::True => "Yes",
+            Truth::TooLarge => "Yes, it is too large",
+            Truth::TooSmall => "No, by the verdict",
+        };
         let _ = writeln!(
             page,
-            "| {} | {} {} | {} | {size:.1} | {:.0} s | {left} |",
-            b.full_name(*k),
-            short(error),
-            scale.unit,
-            short(sigma),
-            at.seconds()
+            "{answer}: {} of {} states were outside 3 sigma for more than {:.0} % of the time.",
+            self.wrong,
+            self.largest.len(),
+            100.0 * OUTSIDE
         );
+    }
+
+    fn table(&self, page: &mut String, blocks: &[BlockSeries]) {
+        if self.largest.is_empty() {
+            return;
+        }
+        page.push_str(
+            "\n| state | error at the end | 1 sigma | largest, in sigma | at | left 3 sigma at |\n",
+        );
+        page.push_str("|---|--:|--:|--:|--:|--:|\n");
+        for (b, k, (size, at)) in self.largest.iter().take(STATES) {
+            let c = &blocks[*b].components[*k];
+            let scale = axis::scale(c.unit, c.tally.sigma);
+            let error = c.tally.error.unwrap_or(f64::NAN) / scale.size;
+            let sigma = c.tally.sigma / scale.size;
+            let left =
+                c.tally.left.map_or_else(String::new, |e| format!("{:.0} s", e.from.seconds()));
+            let _ = writeln!(
+                page,
+                "| {} | {} {} | {} | {size:.1} | {:.0} s | {left} |",
+                blocks[*b].full_name(*k),
+                short(error),
+                scale.unit,
+                short(sigma),
+                at.seconds()
+            );
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::bad;
-    use crate::health::{Health, Lane, Stretch};
+    use super::{Errors, bad, write_verdict};
+    use crate::health::{Health, Stretch};
+    use crate::lane::SensorLane;
+    use navfuse_core::model::record::verdict::Verdict;
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
     use navfuse_core::units::time::Time;
+
+    /// A sigma that errors contradict is not true, although no innovation does.
+    #[test]
+    fn the_verdict_and_the_errors_are_one_judgement_of_the_sigma() {
+        let verdict = Verdict::new(Vec::new(), Vec::new());
+        for (wrong, words, answer) in
+            [(0, "sigma: **true**", "Yes"), (2, "sigma: **too small at times**", "No: 2 of 1")]
+        {
+            let largest = vec![(0, 0, (5.0, Time::from_nanos(0)))];
+            let (errors, mut page) = (Errors { largest, wrong }, String::new());
+            write_verdict(&mut page, "dive", &verdict, &errors);
+            assert!(page.contains(words), "{page}");
+            errors.answer(&mut page, Some(&verdict));
+            assert!(page.contains(&format!("believed?** {answer}")), "{page}");
+        }
+    }
 
     #[test]
     fn a_sensor_is_bad_in_turns_where_the_gate_rejects_more_there_than_elsewhere() {
@@ -292,9 +348,9 @@ mod tests {
             mounting: Default::default(),
         };
         let lane = |in_turns: [u64; 2]| {
-            let mut lane = Lane::new(&info)?;
+            let mut lane = SensorLane::new(&info)?;
             let [from, to] = [10, 16].map(|s| Time::from_nanos(s * 1_000_000_000));
-            lane.stretches.push(Stretch { health: Health::Gated, from, to });
+            lane.lane.stretches.push(Stretch { health: Health::Gated, from, to });
             (lane.outcomes.accepted, lane.outcomes.gated) = (900, 100);
             lane.in_turns = in_turns;
             bad(&lane)

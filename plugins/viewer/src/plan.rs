@@ -136,7 +136,11 @@ impl Plan {
         let number = |x: f64| {
             if x >= 1000.0 { format!("{:.1} km", x / 1000.0) } else { format!("{x:.2} m") }
         };
-        let labels = legend.iter().map(|(value, _)| format!("sigma {}", number(*value)));
+        // the name once: in a narrow view three of them would cover each other
+        let labels = legend.iter().enumerate().map(|(k, (value, _))| match k {
+            0 => format!("sigma {}", number(*value)),
+            _ => number(*value),
+        });
         let points = Points2D::new(places)
             .with_labels(labels.collect::<Vec<_>>())
             .with_colors(legend.iter().map(|l| l.1))

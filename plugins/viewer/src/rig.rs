@@ -60,11 +60,6 @@ impl Mount {
         })
     }
 
-    /// Returns `true` for a sensor that is not in the middle of the vehicle.
-    pub fn is_apart(&self) -> bool {
-        self.place.amax() > SAME
-    }
-
     fn beams(&self) -> &[Beam] {
         let beams = self.mounting.beams();
         &beams[..beams.len().min(BEAMS)]

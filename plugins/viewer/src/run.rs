@@ -1,7 +1,7 @@
 //! The series of a run.
 
-use crate::health::Lane;
 use crate::innovation::SensorSeries;
+use crate::lane::SensorLane;
 use crate::samples::SampleSeries;
 use crate::state::BlockSeries;
 use crate::track::Motion;
@@ -17,7 +17,7 @@ pub struct Run {
     /// The samples that are recorded.
     pub samples: Vec<SampleSeries>,
     /// The health of the sensors.
-    pub lanes: Vec<Lane>,
+    pub lanes: Vec<SensorLane>,
     /// The track, where there is a position.
     pub track: Option<Motion>,
     /// Set for a run that is smoothed.

@@ -18,6 +18,9 @@ use re_sdk_types::datatypes::Quaternion;
 
 /// Length of the vehicle, as a share of the longest side of the track.
 pub const VEHICLE: f32 = 0.09;
+/// Reach of the cube around the vehicle that an eye sees that follows it, in lengths. The eye sees
+/// about twice as much, and with it the farthest sensor, at 0.7.
+const AROUND: f32 = 0.42;
 
 /// Records the directions of the axes: x forward (north), y right (east), z down.
 pub fn start(recording: &Recording) -> Result<(), StreamError> {
@@ -122,7 +125,16 @@ fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<()
         .with_colors(AXES)
         .with_radii([Radius::new_ui_points(1.6)]);
     recording.log_static(&body("axes"), &axes)?;
+    recording.log_static(&body("around"), &around(AROUND * length))?;
     rig::draw(recording, &track.mounts, length)
+}
+
+/// Two points without size or colour, at that distance from the middle along every axis: an eye that
+/// tracks them keeps the distance that shows the cube between them.
+pub fn around(reach: f32) -> Points3D {
+    Points3D::new([[-reach; 3], [reach; 3]])
+        .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])
+        .with_radii([Radius::new_ui_points(0.0)])
 }
 
 /// A hull of that length, which points forward and has a fin above it. The colours of its corners:

@@ -2,8 +2,8 @@
 
 use crate::arrangement::{self, Stage};
 use crate::columns::ROWS;
-use crate::health::Lane;
 use crate::innovation::SensorSeries;
+use crate::lane::SensorLane;
 use crate::overview;
 use crate::quantity::Here;
 use crate::recording::Recording;
@@ -193,7 +193,7 @@ impl Run {
                 places.samples = Some(run.samples.len());
                 run.samples.push(SampleSeries::new(sensor, full));
             }
-            if let Some(lane) = Lane::new(sensor) {
+            if let Some(lane) = SensorLane::new(sensor) {
                 places.lane = Some(run.lanes.len());
                 run.lanes.push(lane);
             }

@@ -19,7 +19,9 @@ use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_rerun::{Rerun, Serve};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_sdk::{ComponentIdentifier, StoreKind, TimelineName};
-use re_sdk_types::archetypes::{LineStrips3D, Scalars, StateChange, TextLog};
+use re_sdk_types::archetypes::{
+    LineStrips3D, Points2D, Scalars, StateChange, TextDocument, TextLog,
+};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
@@ -210,6 +212,14 @@ fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities()
     assert_eq!(rows["/derived/information/pitch"], [(time.nanos(), vec![1.0, 0.0])]);
     let states = texts(&path, "/health/imu", StateChange::descriptor_state().component);
     assert_eq!(states.last().map(String::as_str), Some("rejected"), "{states:?}");
+    // the answers come before the tables, and sigma is named once in the legend of the plan
+    let page = texts(&path, "/overview", TextDocument::descriptor_text().component).concat();
+    let parts =
+        ["sensor was bad, and when?", "Did it converge?", "sigma to be believed?", "| sensor |"];
+    let places = parts.map(|part| page.find(part).unwrap_or_else(|| panic!("no {part}: {page}")));
+    assert!(places.is_sorted(), "{page}");
+    let legend = texts(&path, "/plan/legend", Points2D::descriptor_labels().component);
+    assert_eq!(legend.iter().filter(|label| label.contains("sigma")).count(), 1, "{legend:?}");
     let events = texts(&path, "/events", TextLog::descriptor_text().component);
     let text = "imu: channels are missing; look at its cable";
     assert!(events.iter().any(|event| event.ends_with(text)), "{events:?}");

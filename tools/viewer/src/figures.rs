@@ -116,7 +116,9 @@ impl Writer<'_> {
         if let Some(figure) = overview.figure {
             rows.extend(self.pages(figure, 2)?.into_iter().next().map(|page| page.0.into()));
         }
-        Ok(Vertical::new(rows).with_name("Overview").into())
+        // the page has room for its tables
+        let shares: Vec<f32> = [1.25, 1.0].into_iter().take(rows.len()).collect();
+        Ok(Vertical::new(rows).with_row_shares(shares).with_name("Overview").into())
     }
 
     /// The plots of a figure, on pages with their names. A page fills that part of the window's
@@ -129,7 +131,8 @@ impl Writer<'_> {
         let mut pages = Vec::new();
         for panels in panels.chunks(PLOTS) {
             let columns = figure.columns.clamp(1, panels.len());
-            self.layout.rows = part * panels.len().div_ceil(columns);
+            // a page above takes a little more than its part
+            self.layout.rows = part * panels.len().div_ceil(columns) + part - 1;
             let mut plots = Vec::new();
             let mut explained = None;
             for panel in panels {

@@ -219,6 +219,19 @@ fn a_comparison_begins_with_its_page_and_the_vehicles_of_all_runs_in_one_scene()
         assert_eq!(rows(["world", name, "now"], positions), POINTS, "{name}");
         assert_eq!(rows(["world", name, "vehicle"], places), turned, "{name}");
     }
+    // each vehicle has the name of its run, and the eye sees the space around the first one
+    let names = store.iter_physical_chunks().filter(|chunk| {
+        let mut parts = chunk.entity_path().iter().map(|p| p.unescaped_str());
+        parts.next_back() == Some("name")
+    });
+    let labels = Points3D::descriptor_labels().component;
+    let texts = names.flat_map(|c| {
+        let texts = c.iter_slices::<String>(labels).flatten();
+        texts.map(|text| text.to_string()).collect::<Vec<_>>()
+    });
+    let mut names: Vec<String> = texts.collect();
+    names.sort();
+    assert_eq!(names, ["A", "B"]);
 }
 
 #[test]

@@ -32,7 +32,7 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Overview"],
         &[
-            ("From above, coloured by sigma; ", &[TRUTH, MARK]),
+            ("From above; ", &[TRUTH, MARK]),
             ("Follows the vehicle; ", &[BEAM]),
             ("Verdict and reasons", &[]),
             ("Health of the sensors", &[USED]),
@@ -135,7 +135,7 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
 }
 
 /// The beams begin at the vehicle. Their pixels are in the middle third of the view, wherever the
-/// vehicle is.
+/// vehicle is, and the whole vehicle is visible.
 #[test]
 fn the_eye_of_the_overview_follows_the_vehicle() {
     let Some(program) = driver::program() else { return };
@@ -152,6 +152,13 @@ fn the_eye_of_the_overview_follows_the_vehicle() {
         let (w, h) = (picture.width() / 3, picture.height() / 3);
         let middle = image::imageops::crop_imm(&picture, w, h, w, h).to_image();
         assert!(count(&middle, BEAM) >= 20, "{k}: see {}", folder.display());
+        // the hull, which is the brightest part, is not cut off
+        let (w, h) = picture.dimensions();
+        let edge = |x: u32, y: u32| x < w / 40 || y < h / 40 || x >= w - w / 40 || y >= h - h / 40;
+        let bright = picture
+            .enumerate_pixels()
+            .filter(|(x, y, p)| edge(*x, *y) && p.0.iter().all(|c| *c > 170));
+        assert!(bright.count() < 20, "{k}: see {}", folder.display());
     }
 }
 
