@@ -5,11 +5,12 @@ use crate::execution::campaign::threads;
 use crate::execution::input::{document_of, is_log};
 use crate::execution::run::INCONSISTENT;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
-use crate::output::{self, Format};
+use crate::output::{self, Format, write_files};
 use clap::Args;
 use navfuse_core::document::Document;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_diagnose::{Diagnosis, Options, Trial};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -24,6 +25,7 @@ Examples:
   navfuse diagnose dive.toml
   navfuse diagnose dive.toml --apply mended.toml && navfuse run mended.toml
   navfuse diagnose runs/dive/run.mcap --set sensor.gnss.enabled=false
+  navfuse diagnose dive.toml --out runs/diagnosis     a page, and the numbers as JSON
   navfuse diagnose dive.toml --format json | jq .trials[0]
 
 The command runs the samples again with each of some hundred changes of the scenario: lags, \
@@ -38,6 +40,9 @@ pub struct Diagnose {
     /// Write a copy of the scenario with the best change, beside the scenario
     #[arg(long, value_name = "OUT.toml")]
     pub apply: Option<PathBuf>,
+    /// Folder for a page (HTML) and the numbers (JSON)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Change a value of the scenario; may be given again
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
@@ -67,6 +72,11 @@ pub fn diagnose(registry: &Registry, arguments: &Diagnose) -> Result<ExitCode> {
         output::diagnose::print(&diagnosis);
     } else {
         output::line(serde_json::to_string(&diagnosis)?);
+    }
+    if let Some(out) = &arguments.out {
+        let name = Scenario::new(registry, document.clone(), &[])?.name();
+        let scenario = navfuse_diagnose::apply(document.text(), &settings)?;
+        write_page(&name, &scenario, &diagnosis, out, text)?;
     }
     if diagnosis.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
@@ -108,6 +118,22 @@ fn write(
         output::line(format_args!("{}", out.display()));
     }
     Ok(())
+}
+
+/// Writes the page of a diagnosis, and its numbers.
+fn write_page(
+    name: &str,
+    scenario: &str,
+    diagnosis: &Diagnosis,
+    out: &Path,
+    shown: bool,
+) -> Result<()> {
+    let page = navfuse_report::diagnosis::page(name, scenario, diagnosis)?;
+    let files = [
+        ("diagnosis.json".to_owned(), serde_json::to_string_pretty(diagnosis)?),
+        ("diagnosis.html".to_owned(), page),
+    ];
+    write_files(out, files, shown)
 }
 
 fn exit_code(diagnosis: &Diagnosis) -> ExitCode {

@@ -40,29 +40,24 @@ fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
     let moved = trial.moved.map_or_else(String::new, |m| format!("{m:.2} m"));
     let nis =
         if trial.mean_nis.is_finite() { format!("{:.2}", trial.mean_nis) } else { String::new() };
-    let change = match &trial.estimate {
-        Some(estimate) => format!("{}: {estimate}", trial.change),
-        None => trial.change.clone(),
-    };
-    [change, format!("{:.0}", trial.gain), margin, nis, trial.level.words().to_owned(), moved]
+    [
+        trial.words(),
+        format!("{:.0}", trial.gain),
+        margin,
+        nis,
+        trial.level.words().to_owned(),
+        moved,
+    ]
 }
 
 /// Prints the best change and its assignments.
 fn conclusion(diagnosis: &Diagnosis) {
-    let Some(best) = diagnosis.best() else {
-        return line("no change explains the samples better than the scenario as it is");
-    };
-    let near: Vec<&str> =
-        diagnosis.near().map(|t| t.change.as_str()).filter(|c| *c != best.change).collect();
-    let what = match best.level {
-        VerdictLevel::Consistent => "remedy, with which the run is consistent",
-        _ => "the best explanation, not consistent",
-    };
-    line(format_args!("{what}: {}", best.change));
-    for setting in &best.settings {
+    line(diagnosis.conclusion());
+    for setting in diagnosis.best().iter().flat_map(|best| &best.settings) {
         line(format_args!("  --set '{setting}'"));
     }
-    if !near.is_empty() {
-        line(format_args!("without a clear margin over: {}", near.join("; ")));
+    let rivals = diagnosis.rivals();
+    if !rivals.is_empty() {
+        line(format_args!("without a clear margin over: {}", rivals.join("; ")));
     }
 }

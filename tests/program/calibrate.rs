@@ -69,6 +69,36 @@ fn the_table_has_every_method_and_the_filter_with_missing_sensors() {
     );
 }
 
+/// The section of a page.
+fn section<'a>(page: &'a str, id: &str) -> &'a str {
+    let (_, section) = page.split_once(&format!("<section id=\"{id}\">")).expect(id);
+    section.split_once("</section>").expect("it ends").0
+}
+
+#[test]
+fn the_page_of_a_calibration_has_every_method_and_opens_offline() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let output = navfuse(&["calibrate", &path("calibration"), "--method", "all", "--out", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = std::fs::read_to_string(folder.path().join("calibration.html")).unwrap();
+    let json = std::fs::read_to_string(folder.path().join("calibration.json")).unwrap();
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let methods = json["methods"].as_array().unwrap();
+    let table = section(&page, "methods");
+    for method in methods {
+        let name = method["method"].as_str().unwrap();
+        assert!(table.contains(&format!("<td class=\"name\">{name}</td>")), "{name}");
+    }
+    assert_eq!(table.matches("<tr class=\"first\">").count(), methods.len());
+    let result = section(&page, "result");
+    assert!(result.contains("<b>io-dvlc</b>: k 1.00") && result.contains("Truth: k 1.00800"));
+    for figure in ["methods-beside", "methods-over-time"] {
+        assert!(page.contains(&format!("<figure id=\"{figure}\">")), "{figure}");
+    }
+    assert!(page.len() < 2_000_000 && !page.contains("NaN") && !page.contains("src="));
+}
+
 #[test]
 fn an_impossible_calibration_ends_with_an_error_and_a_remedy() {
     let pan_wu = path("pan-wu-3d");

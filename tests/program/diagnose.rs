@@ -1,6 +1,7 @@
 //! `navfuse diagnose`: the change that mends a simulated fault comes first, and the run with it is
 //! consistent.
 
+use crate::common::{navfuse, stderr, stdout};
 use navfuse_core::document::Document;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::simulate::Random;
@@ -246,6 +247,29 @@ fn run(text: &str, settings: &[String]) -> Diagnosis {
     let options = Options { threads: 2, seconds: 30.0 };
     let (registry, stop) = (navfuse::standard_plugins(), AtomicBool::new(false));
     diagnose(&registry, &document, &options, &stop, &|_, _| {}).expect("the scenario runs")
+}
+
+#[test]
+fn the_page_of_a_diagnosis_has_the_remedy_that_the_command_prints() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scenario = folder.path().join("dive.toml");
+    std::fs::write(&scenario, DIVE).expect("the folder is writable");
+    let (scenario, out) = (scenario.display().to_string(), folder.path().join("out"));
+    let turned = "sensor.dvl.samples.factor.vel_x=-1";
+    let place = out.display().to_string();
+    let command = ["diagnose", &scenario, "--set", turned, "--out", &place];
+    let output = navfuse(&command);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let printed = stdout(&output);
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).expect(name);
+    let (page, json) = (read("diagnosis.html"), read("diagnosis.json"));
+    let found: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
+    let change = found["trials"][0]["change"].as_str().expect("a change");
+    assert!(printed.contains(&format!("the run is consistent: {change}")), "{printed}");
+    let (_, result) = page.split_once("<section id=\"result\">").expect("a result");
+    assert!(result.contains(&format!("the run is consistent: {change}.")), "{change}");
+    assert!(page.contains("sensor.dvl.samples.factor.vel_x") && page.contains("factor"), "{page}");
+    assert!(page.len() < 2_000_000 && !page.contains("NaN") && !page.contains("src="));
 }
 
 /// Each kind of fault in four draws of its size, sign, axis and sensor: the right change comes first

@@ -11,16 +11,17 @@ mod write;
 use crate::error::{CommandError, Result};
 use crate::execution::input::document_of;
 use crate::output::progress::Bar;
-use crate::output::{self, Format};
+use crate::output::{self, Format, write_files};
 use apply::{Request, outcomes};
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, CalibrationData, Method, MethodError};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::Progress;
+use navfuse_report::calibration::{self, Applied};
 use outcome::Outcome;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `calibrate`.
@@ -31,6 +32,7 @@ Examples:
   navfuse calibrate dive.mcap --method all         all methods, on a log
   # errors against sigma over 20 seeds, with GNSS and depth
   navfuse calibrate scenarios/calibration.toml --method all --runs 20
+  navfuse calibrate dive.mcap --method all --out runs/calibration   the same as a page
   # values and sigma for the next dive; values alone, to filter this dive again
   navfuse calibrate dive.toml --write next.toml
   navfuse calibrate dive.toml --initialise again.toml
@@ -69,6 +71,9 @@ pub struct Calibrate {
     /// to run it on the same data
     #[arg(long, value_name = "FILE")]
     pub initialise: Option<PathBuf>,
+    /// Folder for a page (HTML) and the numbers (JSON)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Form of the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
@@ -100,7 +105,8 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
     let (mut document, settings) = document_of(&arguments.source)?;
     settings.iter().chain(&arguments.set).try_for_each(|s| document.set(s))?;
     if let Some(count) = arguments.runs {
-        return runs::repeat(registry, &document, &request, count, text);
+        let out = arguments.out.as_deref();
+        return runs::repeat(registry, &document, &request, count, out, text);
     }
     let bar = Bar::new(text);
     let (data, outcomes) = outcomes(registry, &document, &request, &|p| bar.run(p))?;
@@ -112,6 +118,9 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         table::print(&data, &outcomes);
     } else {
         output::line(table::in_json(&data, &outcomes));
+    }
+    if let Some(out) = &arguments.out {
+        write_page(&document, &data, &outcomes, out, text)?;
     }
     for (path, keep_prior) in [(&arguments.write, false), (&arguments.initialise, true)] {
         let (Some(path), Some(Outcome { result: Ok(estimate), name, .. })) =
@@ -125,6 +134,28 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the page of the methods' results, and their numbers.
+fn write_page(
+    document: &Document,
+    data: &CalibrationData,
+    outcomes: &[Outcome],
+    out: &Path,
+    shown: bool,
+) -> Result<()> {
+    let applied = outcomes.iter().map(|outcome| {
+        let (name, result) = outcome.named();
+        Applied { name, sensors: &outcome.sensors, result }
+    });
+    let page = calibration::page(&edit::text(document)?, data, &applied.collect::<Vec<_>>())?;
+    let numbers = serde_json::to_string_pretty(&table::in_json(data, outcomes))?;
+    write_files(out, files(numbers, page), shown)
+}
+
+/// The files of a calibration, each with its name.
+fn files(numbers: String, page: String) -> [(String, String); 2] {
+    [("calibration.json".to_owned(), numbers), ("calibration.html".to_owned(), page)]
 }
 
 /// Calibrates the DVL by a method, by the filter (`ekf`), or by all. The result is what `calibrate

@@ -13,12 +13,9 @@ pub struct Outcome {
     pub result: Result<Estimate>,
 }
 
-/// Factor from `k` (1) or an angle (rad) to what is printed: degrees for angles.
-pub fn unit(i: usize) -> f64 {
-    if i == 0 { 1.0 } else { 1_f64.to_degrees() }
-}
-
-/// Decimals of `k`, and of an angle in degrees.
-pub fn decimals(i: usize) -> usize {
-    if i == 0 { 5 } else { 3 }
+impl Outcome {
+    /// Name and result, for the words of a terminal or a page.
+    pub fn named(&self) -> (&str, std::result::Result<&Estimate, String>) {
+        (&self.name, self.result.as_ref().map_err(ToString::to_string))
+    }
 }

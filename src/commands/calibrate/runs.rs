@@ -1,68 +1,29 @@
 //! Many runs: the errors of each method, compared with its sigma.
 
 use super::apply::{Request, outcomes};
-use super::outcome::{Outcome, decimals, unit};
-use super::table::{HEADINGS, NUMBERS, named, settles};
+use super::edit;
+use super::files;
+use super::outcome::Outcome;
+use super::table::{HEADINGS, NUMBERS, named};
 use crate::error::{CommandError, Result};
-use crate::output;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
+use crate::output::{self, write_files};
+use navfuse_calibration::words::{decimals, settles, unit};
+use navfuse_calibration::{Repeated, Run};
 use navfuse_campaign::JobCount;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_report::calibration;
 use navfuse_segments::Mounting;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Largest number of runs.
 const MAX_RUNS: u64 = 100_000;
-
-/// The results of a method on all runs.
-struct Row {
-    name: String,
-    sensors: String,
-    /// The runs in which the method could be applied.
-    runs: Vec<Run>,
-    /// The first reason why the method could not be applied.
-    refused: Option<String>,
-}
-
-struct Run {
-    error: [f64; 4],
-    sigma: Option<[f64; 4]>,
-    determined: [bool; 4],
-    settled_after: Option<f64>,
-}
-
-impl Row {
-    /// Root mean square of a value over the runs, where all runs determined the component.
-    fn rms(&self, i: usize, of: impl Fn(&Run) -> Option<f64>) -> Option<f64> {
-        let squares: Option<Vec<f64>> =
-            self.runs.iter().map(|r| of(r).filter(|_| r.determined[i]).map(|v| v * v)).collect();
-        squares.filter(|s| !s.is_empty()).map(|s| (s.iter().sum::<f64>() / s.len() as f64).sqrt())
-    }
-
-    /// R.m.s. error, r.m.s. sigma, and the r.m.s. of their ratio, for `k` (1) and the angles (rad).
-    fn figures(&self) -> [[Option<f64>; 4]; 3] {
-        let all = |of: &dyn Fn(&Run, usize) -> Option<f64>| {
-            std::array::from_fn(|i| self.rms(i, |r| of(r, i)))
-        };
-        [
-            all(&|r, i| Some(r.error[i])),
-            all(&|r, i| Some(r.sigma?[i])),
-            all(&|r, i| Some(r.error[i] / r.sigma?[i]).filter(|x| x.is_finite())),
-        ]
-    }
-
-    /// Median over the runs of the time at which the method settled, s.
-    fn settled_after(&self) -> Option<f64> {
-        let mut times: Vec<f64> = self.runs.iter().filter_map(|r| r.settled_after).collect();
-        times.sort_by(f64::total_cmp);
-        times.get(times.len() / 2).copied()
-    }
-}
 
 /// Calibrates with many seeds and prints the errors.
 pub fn repeat(
@@ -70,6 +31,7 @@ pub fn repeat(
     document: &Document,
     request: &Request,
     count: u64,
+    out: Option<&Path>,
     text: bool,
 ) -> Result<ExitCode> {
     let scenario = Scenario::new(registry, document.clone(), &[])?;
@@ -103,15 +65,20 @@ pub fn repeat(
         return interrupted();
     }
     let rows = joined(results);
-    if let [Row { name, refused: Some(why), runs, .. }] = &rows[..]
+    if let [Repeated { name, refused: Some(why), runs, .. }] = &rows[..]
         && runs.is_empty()
     {
         return Err(CommandError::Request(format!("{name}: {why}")));
     }
+    let (name, json) = (scenario.name(), in_json(&scenario.name(), &rows, &seeds));
     if text {
-        table(&scenario.name(), &rows, &seeds);
+        table(&name, &rows, &seeds);
     } else {
-        output::line(in_json(&scenario.name(), &rows, &seeds));
+        output::line(&json);
+    }
+    if let Some(out) = out {
+        let page = calibration::repeated(&name, &edit::text(document)?, &seeds, &rows)?;
+        write_files(out, files(serde_json::to_string_pretty(&json)?, page), text)?;
     }
     if seeds.len() < asked { interrupted() } else { Ok(ExitCode::SUCCESS) }
 }
@@ -167,12 +134,12 @@ fn one(
 }
 
 /// The rows, from the outcomes of each run.
-fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
-    let mut rows: Vec<Row> = Vec::new();
+fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Repeated> {
+    let mut rows: Vec<Repeated> = Vec::new();
     for (_, outcomes, truth) in runs {
         for (k, outcome) in outcomes.into_iter().enumerate() {
             if rows.len() == k {
-                rows.push(Row {
+                rows.push(Repeated {
                     name: outcome.name,
                     sensors: outcome.sensors,
                     runs: Vec::new(),
@@ -181,19 +148,14 @@ fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
             }
             match outcome.result {
                 Err(why) => drop(rows[k].refused.get_or_insert(why.to_string())),
-                Ok(e) => rows[k].runs.push(Run {
-                    error: e.error(&truth),
-                    sigma: e.sigma(),
-                    determined: e.determined,
-                    settled_after: e.settled_after(),
-                }),
+                Ok(e) => rows[k].runs.push(Run::new(&e, &truth)),
             }
         }
     }
     rows
 }
 
-fn table(name: &str, rows: &[Row], seeds: &[u64]) {
+fn table(name: &str, rows: &[Repeated], seeds: &[u64]) {
     output::line(format_args!("{name}, {} runs: r.m.s. of the errors", seeds.len()));
     let mut table = output::table(&HEADINGS);
     for row in rows.iter().filter(|r| !r.runs.is_empty()) {
@@ -241,7 +203,7 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     }
 }
 
-fn in_json(name: &str, rows: &[Row], seeds: &[u64]) -> Value {
+fn in_json(name: &str, rows: &[Repeated], seeds: &[u64]) -> Value {
     let methods: Vec<Value> = (rows.iter())
         .map(|row| {
             let [error, sigma, ratio] = row.figures();

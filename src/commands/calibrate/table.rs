@@ -1,9 +1,9 @@
 //! The outcomes on one recording, as a table and as JSON.
 
-use super::outcome::{Outcome, decimals, unit};
+use super::outcome::Outcome;
 use crate::output;
-use navfuse_calibration::{CalibrationData, Estimate};
-use navfuse_segments::Kind;
+use navfuse_calibration::CalibrationData;
+use navfuse_calibration::words::{decimals, found, notes, settles, unit, value};
 use serde_json::{Value, json};
 
 /// The headings of the columns, in which numbers are [`NUMBERS`].
@@ -19,20 +19,8 @@ pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
     let mut table = output::table(&HEADINGS);
     for outcome in outcomes {
         let Ok(e) = &outcome.result else { continue };
-        let (values, sigma) = (e.values(), e.sigma());
-        let cell = |i: usize, v: f64| {
-            let decimals = decimals(i);
-            let sigma = sigma
-                .filter(|_| e.determined[i])
-                .map_or_else(String::new, |s| format!(" ± {:.decimals$}", s[i] * unit(i)));
-            if e.determined[i] {
-                format!("{:.decimals$}{sigma}", v * unit(i))
-            } else {
-                "-".to_owned()
-            }
-        };
         let settled = e.settled_after().map_or_else(String::new, |t| format!("{t:.0} s"));
-        let cells: Vec<String> = (0..4).map(|i| cell(i, values[i])).collect();
+        let cells: Vec<String> = (0..4).map(|i| value(e, i)).collect();
         let sensors = [settled, outcome.sensors.clone()];
         table.add_row([std::slice::from_ref(&outcome.name), &cells[..], &sensors].concat());
         if let Some(truth) = &truth {
@@ -61,40 +49,9 @@ pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
         ));
     }
     output::aside(settles());
-    let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
-    for outcome in outcomes {
-        let all = match &outcome.result {
-            Ok(e) => e.notes.clone(),
-            Err(why) => vec![format!("not possible: {why}")],
-        };
-        for note in all {
-            match notes.iter_mut().find(|(text, _)| *text == note) {
-                Some((_, names)) => names.push(&outcome.name),
-                None => notes.push((note, vec![&outcome.name])),
-            }
-        }
+    for (note, names) in notes(outcomes.iter().map(Outcome::named)) {
+        output::line(format_args!("{}: {note}", names.join(", ")));
     }
-    notes
-        .iter()
-        .for_each(|(note, names)| output::line(format_args!("{}: {note}", names.join(", "))));
-}
-
-/// The explanation of "settles after" and of the dash.
-pub fn settles() -> String {
-    let (k, yaw) = Estimate::SETTLED;
-    let yaw = yaw.to_degrees();
-    format!(
-        "settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; \
-         -: not determined"
-    )
-}
-
-/// The segments that were found, in words.
-fn found(data: &CalibrationData) -> String {
-    let of =
-        |kind: Kind| format!("{kind} {:.0} s ({})", data.duration(kind), data.of(kind).count());
-    let kinds = [Kind::Static, Kind::TypeI, Kind::TypeII, Kind::Steady].map(of);
-    kinds.join(", ")
 }
 
 /// The outcomes as JSON.

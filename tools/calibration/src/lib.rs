@@ -19,12 +19,15 @@ mod io_dvlc;
 mod joyce;
 mod kinsey;
 mod printed;
+mod repeated;
 mod solve;
 mod tang;
 mod troni;
+pub mod words;
 
 pub use data::{AttitudeSource, CalibrationData};
 pub use estimate::{Estimate, IntermediateEstimate};
+pub use repeated::{Repeated, Run};
 
 use serde::Serialize;
 

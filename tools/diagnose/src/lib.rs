@@ -57,6 +57,8 @@ pub struct Trial {
     pub score: f64,
     /// Mean normalised innovation squared of the accepted samples by channel; expected is 1.
     pub mean_nis: f64,
+    /// Number of values in that mean.
+    pub values: u64,
     /// Level of the verdict.
     pub level: VerdictLevel,
     /// Verdict in one line.
@@ -83,7 +85,38 @@ pub struct Diagnosis {
     pub interrupted: bool,
 }
 
+impl Trial {
+    /// The change in words, with the estimate of the state that it makes uncertain.
+    pub fn words(&self) -> String {
+        match &self.estimate {
+            Some(estimate) => format!("{}: {estimate}", self.change),
+            None => self.change.clone(),
+        }
+    }
+}
+
 impl Diagnosis {
+    /// Score by which a change has to lead another one: odds of 150 : 1.
+    pub const CLEAR: f64 = CLEAR;
+
+    /// The sentence on the best change.
+    pub fn conclusion(&self) -> String {
+        let Some(best) = self.best() else {
+            return "no change explains the samples better than the scenario as it is".to_owned();
+        };
+        let what = match best.level {
+            VerdictLevel::Consistent => "remedy, with which the run is consistent",
+            _ => "the best explanation, not consistent",
+        };
+        format!("{what}: {}", best.change)
+    }
+
+    /// The changes without a clear margin to the best one.
+    pub fn rivals(&self) -> Vec<&str> {
+        let best = self.best().map(|best| best.change.as_str());
+        self.near().map(|trial| trial.change.as_str()).filter(|c| Some(*c) != best).collect()
+    }
+
     /// The best change, if the samples favour one. Among changes without a clear margin, one that
     /// makes the run consistent comes first.
     pub fn best(&self) -> Option<&Trial> {

@@ -96,11 +96,12 @@ impl Likelihood {
 }
 
 impl Densities {
-    /// Mean normalised innovation squared of all accepted channels; expected is 1.
-    pub fn mean_nis(&self) -> f64 {
+    /// Mean normalised innovation squared of all accepted channels, expected to be 1, and their
+    /// number.
+    pub fn mean_nis(&self) -> (f64, u64) {
         let sum = |a: (f64, u64), b: &(f64, u64)| (a.0 + b.0, a.1 + b.1);
         let (nis, channels) = self.nis.values().fold((0.0, 0), sum);
-        nis / channels as f64
+        (nis / channels as f64, channels)
     }
 
     /// The log-likelihood of `wanted` values of each channel. A channel that has fewer pays the

@@ -201,12 +201,14 @@ impl<'a> Search<'a> {
         score: f64,
     ) -> Trial {
         let moved = outcome.position.zip(base.position).map(|(a, b)| distance(a, b));
+        let (mean_nis, values) = outcome.densities.mean_nis();
         Trial {
             change: patch.text,
             settings: patch.settings,
             gain,
             score,
-            mean_nis: outcome.densities.mean_nis(),
+            mean_nis,
+            values,
             level: outcome.level,
             verdict: outcome.verdict.clone(),
             moved,

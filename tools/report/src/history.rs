@@ -1,10 +1,12 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
+use crate::health::Judged;
 use crate::residuals::Residuals;
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Derived, Event, Level};
+use navfuse_core::model::sensor::Purpose;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -17,7 +19,7 @@ const EVENTS: usize = 500;
 
 /// History of one run. A [`crate::Recorder`] collects it during the run, and [`crate::read_log`]
 /// from the log, with the same result.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct RunHistory {
     /// Name of the scenario.
     pub name: String,
@@ -227,6 +229,12 @@ impl RunHistory {
         }
     }
 
+    /// Notes the time of an estimate, and with it which sensors are silent.
+    pub(crate) fn tick(&mut self, now: Time) {
+        let known = self.sensors.iter_mut().filter(|s| s.purpose != Some(Purpose::Reference));
+        known.for_each(|sensor| sensor.health.tick(now));
+    }
+
     /// Adds a sample.
     pub(crate) fn sample<'c>(
         &mut self,
@@ -240,6 +248,9 @@ impl RunHistory {
             sensor.channels = columns.map(str::to_owned).collect();
         }
         sensor.read += 1;
+        if sensor.purpose == Some(Purpose::Input) {
+            sensor.health.sample(sample.time);
+        }
         sensor.samples.push(Envelope {
             time: sample.time.seconds(),
             low: values.clone(),
@@ -260,14 +271,25 @@ impl RunHistory {
     ) {
         let Some(sensor) = self.sensors.get_mut(sensor) else { return };
         let count = sensor.channels.len();
+        let at = time;
         let time = time.seconds();
         let (innovation, sigma) = (vec![f64::NAN; count], vec![f64::NAN; count]);
         let mut row = Innovation { time, innovation, sigma, nis, threshold };
-        let mut freedom = 0.0;
+        let (mut freedom, mut present) = (0.0, 0_u16);
         for (k, innovation, sigma) in channels.filter(|c| c.0 < count) {
             (row.innovation[k], row.sigma[k]) = (innovation, sigma);
             freedom += 1.0;
+            present |= 1_u16.checked_shl(k as u32).unwrap_or(0);
         }
+        // a sample without an innovation is one whole sample
+        let present = if present == 0 { u16::MAX } else { present };
+        let (judged, innovation) = match fate {
+            Fate::Accepted => (Judged::Used, Some((freedom as usize, nis, threshold))),
+            Fate::Placed => (Judged::Used, None),
+            Fate::Gated => (Judged::Gated, None),
+            Fate::Rejected(_) => (Judged::Rejected, None),
+        };
+        sensor.health.update(at, judged, present, innovation);
         let updates = &mut sensor.updates;
         if matches!(fate, Fate::Accepted | Fate::Gated) {
             updates.residuals.resize_with(count, Residuals::default);
@@ -291,9 +313,10 @@ impl RunHistory {
     }
 
     /// Adds a rejected sample of a driving sensor.
-    pub(crate) fn input_rejection(&mut self, sensor: usize, why: &str) {
+    pub(crate) fn input_rejection(&mut self, sensor: usize, time: Time, why: &str) {
         if let Some(sensor) = self.sensors.get_mut(sensor) {
             sensor.updates.outcomes.reject(why.to_owned());
+            sensor.health.reject(time);
         }
     }
 
@@ -308,6 +331,9 @@ impl RunHistory {
 
     /// Adds a finding.
     pub(crate) fn finding(&mut self, finding: &Finding) {
+        if let Some(sensor) = self.sensors.iter_mut().find(|s| s.is_meant_by(&finding.about)) {
+            sensor.health.doubt(finding.time);
+        }
         if self.findings.len() < EVENTS {
             self.findings.push(finding.clone());
         }

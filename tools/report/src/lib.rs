@@ -6,8 +6,11 @@
 //! with the same result. [`plots`] plots it, [`page`] writes the report, [`compare`] compares several
 //! runs, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
 
+pub mod calibration;
 pub mod campaign;
 pub mod compare;
+pub mod diagnosis;
+mod health;
 mod histogram;
 mod history;
 mod log;
@@ -21,6 +24,7 @@ mod results;
 mod sensors;
 mod sink;
 
+pub use health::{Span, Strip};
 pub use history::{BlockHistory, Row, RunHistory, Travelled};
 pub use log::read_log;
 pub use navfuse_core::units::thin::{Merge, ROWS, Thin};

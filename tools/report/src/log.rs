@@ -52,6 +52,7 @@ fn take(history: &mut RunHistory, entry: Entry<'_>) {
         }),
         Entry::Sample(sample, columns) => history.sample(&sample, columns.into_iter()),
         Entry::Block(mut block) => {
+            history.tick(block.time);
             let row = row(&mut block);
             let info = BlockInfo {
                 name: block.name,
@@ -62,11 +63,14 @@ fn take(history: &mut RunHistory, entry: Entry<'_>) {
             };
             history.state(info, row);
         }
-        Entry::Filtered(mut block) => history.filtered(block.name, row(&mut block)),
+        Entry::Filtered(mut block) => {
+            history.tick(block.time);
+            history.filtered(block.name, row(&mut block));
+        }
         Entry::Innovation(update) => innovation(history, &update),
         Entry::Rejection(rejection) => {
             if let Some(k) = history.sensors.iter().position(|s| s.name == rejection.sensor) {
-                history.input_rejection(k, rejection.reason);
+                history.input_rejection(k, rejection.time, rejection.reason);
             }
         }
         Entry::Event(event) => history.event(&event),

@@ -1,12 +1,13 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
+use crate::health::Strip;
 use crate::residuals::Residuals;
 use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
 
 /// History of a sensor.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct SensorHistory {
     /// Name in the scenario.
     pub name: String,
@@ -23,6 +24,8 @@ pub struct SensorHistory {
     pub samples: Thin<Envelope>,
     /// Outcomes of the samples of a measuring sensor.
     pub updates: Updates,
+    /// Health over time; of a reference nothing is known.
+    pub health: Strip,
 }
 
 /// Range of a sensor's channels over several samples.
@@ -118,6 +121,11 @@ impl Merge for Consistency {
 }
 
 impl SensorHistory {
+    /// Returns `true` if a finding is about the sensor or one of its states: `dvl.scale`.
+    pub(crate) fn is_meant_by(&self, about: &str) -> bool {
+        about.split(['.', ' ']).next() == Some(&self.name)
+    }
+
     /// Returns `true` for a measuring sensor with samples.
     pub fn measures(&self) -> bool {
         self.purpose != Some(Purpose::Input) && self.updates != Updates::default()

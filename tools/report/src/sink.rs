@@ -63,7 +63,7 @@ impl Sink for Recorder {
             Record::InputRejection(rejection) => {
                 let sensor = rejection.sensor.0;
                 let why = rejection.reason.reason(&self.columns[sensor]);
-                self.history.input_rejection(sensor, &why);
+                self.history.input_rejection(sensor, rejection.time, &why);
                 Ok(())
             }
             Record::Finding(finding) => {
@@ -95,6 +95,7 @@ impl Recorder {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.history.tick(epoch.state.time);
         self.latest = self.latest.max(epoch.state.time);
         for (slot, block) in epoch.layout.blocks.iter().enumerate() {
             let components = block.spec.display.components;
@@ -112,6 +113,7 @@ impl Recorder {
     }
 
     fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.history.tick(epoch.state.time);
         self.latest = self.latest.max(epoch.state.time);
         for (slot, block) in epoch.layout.blocks.iter().enumerate() {
             self.history.filtered(&block.name, row(epoch, slot, block));

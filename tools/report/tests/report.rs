@@ -234,6 +234,29 @@ fn the_page_is_one_file_that_loads_nothing_and_escapes_what_it_shows() {
     assert!(page.len() < 2_000_000, "{} bytes", page.len());
 }
 
+/// The DVL reads 5 times a second, and is silent for a quarter of a minute.
+#[cfg(feature = "rerun")]
+#[test]
+fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
+    let folder = tempfile::tempdir().unwrap();
+    let silent = "sensor.dvl.simulation.outages=[[\"60 s\", \"75 s\"]]";
+    let (history, _) = run(&[silent], folder.path());
+    let [_, last] = history.span().unwrap();
+    let spans = |name: &str| history.sensor(name).unwrap().health.spans(last);
+    let dvl = spans("dvl");
+    let outage = dvl.iter().find(|s| s.word == "silent" && s.times[0] > 10.0).unwrap();
+    // it begins an interval after the last sample, one in ten of which is lost
+    assert!((outage.times[0] - 60.0).abs() < 1.0 && (outage.times[1] - 75.0).abs() < 1.0);
+    assert!(dvl.windows(2).all(|pair| pair[0].times[1] == pair[1].times[0]), "{dvl:?}");
+    assert_eq!(spans("imu").last().map(|s| (s.word, s.times[1])), Some(("used", last)));
+    assert!(spans("reference").is_empty());
+    let page = page::report(&history, None).unwrap();
+    let (_, strips) = page.split_once("<svg class=\"strips\"").unwrap();
+    let strips = strips.split_once("</svg>").unwrap().0;
+    assert!(strips.contains("<title>dvl: silent, 60 s to 75 s</title>"), "{strips}");
+    assert!(strips.contains("<title>imu: used, "), "{strips}");
+}
+
 #[test]
 fn a_run_without_truth_and_without_measurements_has_a_page_too() {
     let folder = tempfile::tempdir().unwrap();

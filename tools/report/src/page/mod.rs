@@ -2,6 +2,7 @@
 //! it opens offline. Without the script it is complete.
 
 mod facts;
+mod strips;
 pub(crate) mod tables;
 
 use crate::history::{BlockHistory, RunHistory};
@@ -114,6 +115,7 @@ pub fn report(
             section #result {
                 h2 { "Result" }
                 (verdicts(history))
+                (strips::strips(history))
                 (tables::findings(&history.findings))
                 h3 { "Navigation at the end" }
                 (tables::end(&moving))
