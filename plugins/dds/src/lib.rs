@@ -1,4 +1,4 @@
-//! Topics of ROS 2: samples from the topics of a vehicle, and estimates as topics.
+//! Topics of ROS 2: samples from the topics of a vehicle, and estimates as topics; services command the run.
 //!
 //! The link subscribes to topics, whose messages are read as those of a bag. The sink publishes
 //! `nav_msgs/Odometry`, transforms and diagnostics. Both take part in DDS, the network of ROS 2, by
@@ -12,6 +12,7 @@ mod port;
 #[cfg(not(feature = "dds"))]
 #[path = "no_port.rs"]
 mod port;
+mod service;
 mod sink;
 
 pub use link::Ros2Link;

@@ -2,6 +2,7 @@
 
 use crate::names::{of_topic, of_type, ros_topic, ros_type};
 use crate::port::{Node, Subscription};
+use crate::service::Services;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::{Feed, Source, StreamError};
 use navfuse_core::plugin::{LinkType, OpenContext};
@@ -46,6 +47,10 @@ pub struct Ros2Link {
     /// program of ROS 2 does.
     #[serde(default)]
     pub interfaces: Vec<String>,
+    /// Lets the services `/navfuse/reset`, `/navfuse/checkpoint` and `/navfuse/enable_SENSOR` command the
+    /// run. Default: they refuse.
+    #[serde(default)]
+    pub commands: bool,
 }
 
 /// Joins the domain of a scenario, or of the environment.
@@ -67,8 +72,12 @@ impl LinkType for Ros2Link {
         let zero = self.clock.zero().map_err(|e| e.at_key("clock"))?;
         let messages = Messages::new(&self.sensors, self.stamp, zero, context)?;
         let (to, remarks) = channel();
+        let node = join(self.domain, &self.interfaces)?;
+        let sensors = context.composition.sensors.iter();
+        let sensors: Vec<String> = sensors.map(|s| s.info.name.clone()).collect();
         let samples = Box::new(Topics {
-            node: join(self.domain, &self.interfaces)?,
+            services: Services::offer(&node, &sensors, self.commands)?,
+            node,
             awaited: messages.topics(),
             messages,
             subscriptions: Vec::new(),
@@ -83,6 +92,7 @@ impl LinkType for Ros2Link {
 /// The samples of all topics.
 struct Topics {
     node: Node,
+    services: Services,
     messages: Messages,
     /// Topics without a publisher so far.
     awaited: Vec<String>,
@@ -134,6 +144,7 @@ impl Topics {
     /// Takes all messages that are there.
     fn receive(&mut self) {
         let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
+        self.services.answer(&waker, &self.remarks);
         for (k, subscription) in self.subscriptions.iter().enumerate() {
             // before the messages, so that none is overlooked
             subscription.wake(&waker);

@@ -5,6 +5,12 @@ pub fn of_topic(topic: &str) -> String {
     format!("rt/{}", topic.trim_start_matches('/'))
 }
 
+/// The topics of DDS for the requests of a service of ROS 2 and for its answers.
+pub fn of_service(service: &str) -> [String; 2] {
+    let name = service.trim_start_matches('/');
+    [format!("rq/{name}Request"), format!("rr/{name}Reply")]
+}
+
 /// The type of DDS for a type of ROS 2: `sensor_msgs/msg/Imu` is `sensor_msgs::msg::dds_::Imu_`.
 pub fn of_type(kind: &str) -> String {
     match kind.rsplit_once('/') {
@@ -37,6 +43,14 @@ mod tests {
             assert_eq!(of_type(ros), dds);
             assert_eq!(ros_type(dds).as_deref(), Some(ros));
         }
+        assert_eq!(
+            of_type("std_srvs/srv/Trigger_Request"),
+            "std_srvs::srv::dds_::Trigger_Request_"
+        );
+        assert_eq!(
+            of_service("/navfuse/reset"),
+            ["rq/navfuse/resetRequest", "rr/navfuse/resetReply"]
+        );
         assert_eq!(of_topic("/imu/data"), "rt/imu/data");
         assert_eq!(ros_topic("rt/imu/data").as_deref(), Some("/imu/data"));
         // a service and a topic of another program

@@ -10,6 +10,10 @@ pub enum Node {}
 pub enum Subscription {}
 /// A topic that is written, of which there is none.
 pub enum Publication {}
+/// A service, of which there is none.
+pub enum Server {}
+/// A request, of which there is none.
+pub enum Asker {}
 
 impl Node {
     pub fn join(_: u16, _: &[IpAddr]) -> Result<Self, StreamError> {
@@ -22,6 +26,10 @@ impl Node {
     }
 
     pub fn subscribe(&self, _: &str, _: &str) -> Result<Subscription, StreamError> {
+        match *self {}
+    }
+
+    pub fn serve(&self, _: [&str; 2], _: [&str; 2]) -> Result<Server, StreamError> {
         match *self {}
     }
 
@@ -42,6 +50,20 @@ impl Subscription {
 
 impl Publication {
     pub fn send(&self, _: &[u8]) {
+        match *self {}
+    }
+}
+
+impl Server {
+    pub fn wake(&self, _: &Waker) {
+        match *self {}
+    }
+
+    pub fn take(&self) -> Option<(Vec<u8>, Asker)> {
+        match *self {}
+    }
+
+    pub fn answer(&self, _: Asker, _: &[u8]) {
         match *self {}
     }
 }

@@ -6,13 +6,15 @@ use rustdds::no_key::{
     DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader,
 };
 use rustdds::policy::{Durability, History, Reliability};
+use rustdds::rpc::SampleIdentity;
 use rustdds::{
     DomainParticipant, DomainParticipantBuilder, Duration, Publisher, QosPolicies,
-    QosPolicyBuilder, RepresentationIdentifier, Subscriber, TopicKind,
+    QosPolicyBuilder, RepresentationIdentifier, Subscriber, TopicKind, WriteOptionsBuilder,
 };
 use std::convert::Infallible;
 use std::net::IpAddr;
 use std::task::Waker;
+use std::time::Instant;
 
 /// Size of the encapsulation before the body of a message.
 const ENCAPSULATION: usize = 4;
@@ -20,6 +22,10 @@ const ENCAPSULATION: usize = 4;
 const READ: i32 = 800;
 /// Messages of an estimate that are kept, as ROS 2 does.
 const WRITTEN: i32 = 10;
+
+/// Longest wait until a client is known to listen, and the time between two looks.
+const KNOWN: std::time::Duration = std::time::Duration::from_millis(100);
+const PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
 
 /// A message in CDR, with its encapsulation.
 pub struct Encoded(Vec<u8>);
@@ -87,6 +93,18 @@ pub struct Subscription(SimpleDataReader<Encoded, AsIs>);
 /// A topic that is written.
 pub struct Publication(DataWriter<Encoded, AsIs>);
 
+/// A service: its requests and its answers.
+pub struct Server {
+    participant: DomainParticipant,
+    /// Topic of the answers.
+    topic: String,
+    requests: SimpleDataReader<Encoded, AsIs>,
+    answers: DataWriter<Encoded, AsIs>,
+}
+
+/// The request that an answer is for.
+pub struct Asker(SampleIdentity);
+
 /// The quality of service of sensors: a message that is lost stays lost. It fits every publisher.
 const SENSOR: QosPolicies = QosPolicyBuilder::new()
     .reliability(Reliability::BestEffort)
@@ -94,7 +112,7 @@ const SENSOR: QosPolicies = QosPolicyBuilder::new()
     .history(History::KeepLast { depth: READ })
     .build();
 
-/// The quality of service of an estimate: the default of ROS 2. It fits every subscriber.
+/// The quality of service of an estimate and of services: the default of ROS 2. It fits every subscriber.
 const ESTIMATE: QosPolicies = QosPolicyBuilder::new()
     .reliability(Reliability::Reliable { max_blocking_time: Duration::ZERO })
     .durability(Durability::Volatile)
@@ -139,6 +157,20 @@ impl Node {
         writer.map(Publication).map_err(failed)
     }
 
+    /// Offers a service: topic and type of its requests, and of its answers.
+    pub fn serve(&self, requests: [&str; 2], answers: [&str; 2]) -> Result<Server, StreamError> {
+        let topic = |[topic, kind]: [&str; 2]| self.topic(topic, kind, &ESTIMATE);
+        let (asked, answered) = (topic(requests)?, topic(answers)?);
+        let reader = self.subscriber.create_simple_datareader_no_key(&asked, Some(ESTIMATE));
+        let writer = self.publisher.create_datawriter_no_key(&answered, Some(ESTIMATE));
+        Ok(Server {
+            participant: self.participant.clone(),
+            topic: answers[0].to_owned(),
+            requests: reader.map_err(failed)?,
+            answers: writer.map_err(failed)?,
+        })
+    }
+
     fn topic(
         &self,
         topic: &str,
@@ -161,6 +193,36 @@ impl Subscription {
         self.0.drain_read_notifications();
         // an encoding that is not plain CDR is an error, and the message after it is read
         self.0.try_take_one().ok().flatten().map(|message| message.into_value().0)
+    }
+}
+
+impl Server {
+    /// Has the waker called with the next request.
+    pub fn wake(&self, waker: &Waker) {
+        self.requests.set_waker(Some(waker.clone()));
+    }
+
+    /// The next request, if there is one, in CDR with its encapsulation.
+    pub fn take(&self) -> Option<(Vec<u8>, Asker)> {
+        self.requests.drain_read_notifications();
+        let request = self.requests.try_take_one().ok().flatten()?;
+        let (writer_guid, sequence_number) = (request.writer_guid, request.sequence_number);
+        let asker = Asker(SampleIdentity { writer_guid, sequence_number });
+        Some((request.into_value().0, asker))
+    }
+
+    /// Answers a request, once somebody who listens to answers is known: a client may ask before.
+    pub fn answer(&self, to: Asker, message: &[u8]) {
+        let begin = Instant::now();
+        let heard = || {
+            let readers = self.participant.discovered_readers();
+            readers.iter().any(|r| *r.subscription_topic_data.topic_name() == self.topic)
+        };
+        while begin.elapsed() < KNOWN && !heard() {
+            std::thread::sleep(PAUSE);
+        }
+        let options = WriteOptionsBuilder::new().related_sample_identity(to.0).build();
+        self.answers.write_with_options(Encoded(message.to_vec()), options).ok();
     }
 }
 

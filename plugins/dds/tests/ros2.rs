@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
+use navfuse_core::model::record::Event;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::pass_samples;
 use navfuse_core::run::scenario::Scenario;
@@ -104,18 +105,19 @@ fn cyclone() -> Packages<'static> {
     }
 }
 
-/// What the vehicle receives while the scenario runs on its topics, an object for each message.
-fn received(python: &Path) -> Vec<Value> {
+/// What the vehicle receives while the scenario runs on its topics, an object for each message, and the
+/// warnings of the run.
+fn received(python: &Path, commands: bool) -> (Vec<Value>, String) {
     let registry = registry();
     let folder = tempfile::tempdir().unwrap();
     let samples = folder.path().join("samples.txt");
     std::fs::write(&samples, sentences(&registry)).unwrap();
-    // a domain of its own for each test process
-    let domain = (30 + std::process::id() % 70).to_string();
+    // a domain of its own for each test
+    let domain = (30 + (std::process::id() + u32::from(commands)) % 70).to_string();
     let live = scenario(
         &registry,
         &format!(
-            "[link.vehicle]\ntype = \"ros2\"\ndomain = {domain}\n\
+            "[link.vehicle]\ntype = \"ros2\"\ndomain = {domain}\ncommands = {commands}\n\
              sensors.imu = {{ topic = \"/imu/data\" }}\n\
              sensors.gnss = {{ topic = \"/fix\" }}\n\
              sensors.dvl = {{ topic = \"/dvl/twist\", axes = \"flu\" }}\n\
@@ -126,7 +128,7 @@ fn received(python: &Path) -> Vec<Value> {
     );
     let assembly = live.assemble_live(Some(folder.path())).unwrap();
     let stop = AtomicBool::new(false);
-    let text = scope(|threads| {
+    let (text, warnings) = scope(|threads| {
         let options = Options { speed: SPEED, ..Options::default() };
         let mut first = Some(assembly);
         let assemble = move || Ok(first.take().unwrap());
@@ -137,9 +139,11 @@ fn received(python: &Path) -> Vec<Value> {
         let text = output(&mut vehicle);
         stop.store(true, Ordering::Relaxed);
         let finished = running.join().unwrap();
-        text.unwrap_or_else(|why| panic!("{why}: {:?}", finished.summary.verdict))
+        let text = text.unwrap_or_else(|why| panic!("{why}: {:?}", finished.summary.verdict));
+        let warning = |event: &Event| format!("{}: {}\n", event.about, event.text);
+        (text, finished.events.iter().map(warning).collect())
     });
-    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    (text.lines().map(|line| serde_json::from_str(line).unwrap()).collect(), warnings)
 }
 
 fn number(value: &Value) -> f64 {
@@ -156,7 +160,7 @@ fn place(position: &Value, orientation: &Value) -> [f64; 3] {
 #[test]
 fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
     let Some(python) = cyclone().python() else { return };
-    let all = received(&python);
+    let (all, warnings) = received(&python, true);
     let of = |topic: &str| all.iter().filter(|m| m["topic"] == topic).collect::<Vec<_>>();
     let [global, local, tf] = [of("global"), of("local"), of("tf")];
     let counts = [global.len(), local.len(), tf.len()];
@@ -194,6 +198,13 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
         assert!(error < 0.05, "{error}: {message}");
     }
 
+    // the services have the types that other programs know, and do what they are asked for
+    let answers = of("answer");
+    assert!(answers.len() == 2 && answers.iter().all(|a| a["success"] == true), "{answers:?}");
+    for outcome in ["depth is switched off", "the run cannot be saved: it has no folder"] {
+        assert!(warnings.contains(outcome), "{warnings}");
+    }
+
     let diagnostics = of("diagnostics");
     assert!((15..50).contains(&diagnostics.len()), "one a second: {}", diagnostics.len());
     let status = diagnostics[diagnostics.len() - 1]["status"].as_array().unwrap();
@@ -203,4 +214,16 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
         let used: u32 = used["value"].as_str().unwrap().parse().unwrap();
         assert!(used > least, "{own}");
     }
+}
+
+#[test]
+fn a_run_that_may_not_be_commanded_refuses_with_the_remedy() {
+    let Some(python) = cyclone().python() else { return };
+    let (all, warnings) = received(&python, false);
+    let answers: Vec<_> = all.iter().filter(|m| m["topic"] == "answer").collect();
+    assert!(answers.len() == 2 && answers.iter().all(|a| a["success"] == false), "{answers:?}");
+    let remedy = "commands are refused: set commands = true in the link";
+    assert!(answers.iter().all(|a| a["message"] == remedy), "{answers:?}");
+    assert!(warnings.contains("/navfuse/enable_depth: commands are refused"), "{warnings}");
+    assert!(!warnings.contains("depth is switched off"), "{warnings}");
 }

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float64, int8, int32, sequence, uint8, uint16, uint32
+from cyclonedds.idl.types import array, float64, int8, int32, int64, sequence, uint8, uint16, uint32, uint64
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -208,6 +208,61 @@ readers = {
 }
 
 
+@dataclass
+class TriggerRequest(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Request_"):
+    client: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response_"):
+    client: uint64
+    number: int64
+    success: bool
+    message: str
+
+
+@dataclass
+class SetBoolRequest(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Request_"):
+    client: uint64
+    number: int64
+    data: bool
+
+
+@dataclass
+class SetBoolResponse(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Response_"):
+    client: uint64
+    number: int64
+    success: bool
+    message: str
+
+
+class Service:
+    """A client as rmw_cyclonedds writes one: its identity stands before the content."""
+
+    def __init__(self, name, request, response):
+        self.name, self.request, self.number = name, request, 0
+        self.writer = DataWriter(participant, Topic(participant, f"rq/{name}Request", request), qos=reliable)
+        self.reader = DataReader(participant, Topic(participant, f"rr/{name}Reply", response), qos=reliable)
+
+    def call(self, value):
+        self.number += 1
+        until = time.monotonic() + 20
+        while not (matched(self.writer) and len(self.reader.get_matched_publications()) > 0):
+            if time.monotonic() > until:
+                sys.exit(f"nobody offers {self.name}")
+            time.sleep(0.05)
+        self.writer.write(self.request(4711, self.number, value))
+        while time.monotonic() < until:
+            for answer in self.reader.take(N=10):
+                if (answer.client, answer.number) == (4711, self.number):
+                    print(json.dumps({"topic": "answer", "service": self.name} | plain(answer)))
+                    return
+            time.sleep(0.02)
+        sys.exit(f"no answer of {self.name}")
+
+
 def plain(value):
     if hasattr(value, "__dataclass_fields__"):
         return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
@@ -226,6 +281,8 @@ def matched(writer):
     return len(writer.get_matched_subscriptions()) > 0
 
 
+depth = Service("navfuse/enable_depth", SetBoolRequest, SetBoolResponse)
+save = Service("navfuse/checkpoint", TriggerRequest, TriggerResponse)
 begin = time.monotonic()
 while not all(matched(writer) for writer in writers.values()):
     if time.monotonic() - begin > 60:
@@ -246,6 +303,8 @@ with open(sentences, encoding="ascii") as file:
             time.sleep(ahead)
         value = {name: float(number) for name, number in (v.split("=") for v in values)}
         writers[sensor].write(of_sample(sensor, stamp, value))
+depth.call(False)
+save.call(0)
 until = time.monotonic() + 2
 while time.monotonic() < until:
     drain()
