@@ -76,7 +76,7 @@ fn axes_of_an_imu_and_a_velocity_bias_that_are_states_are_consistent() {
 }
 
 /// Every aid of a survey under water, with late fixes of a USBL, transponders that are states, and a
-/// bottom by a map: 43 states.
+/// bottom by a map: 49 states.
 #[test]
 fn all_aids_of_a_survey_are_consistent() {
     let settings = ["--set", "sensor.imu.simulation.rate=10 Hz", "--set", "estimator.stop=600 s"];

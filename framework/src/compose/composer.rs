@@ -1,5 +1,6 @@
 //! The composer, with which process and sensor types build their models.
 
+use crate::compose::bodies::Bodies;
 use crate::model::error::ComposeError;
 use crate::model::process::{BuiltProcess, Step, Stepping};
 use crate::model::sensor::Role;
@@ -36,6 +37,7 @@ pub struct Composer {
     /// Places of the effect of driving sensors: the sensor, and the number of the place.
     input_places: Vec<(String, usize)>,
     mounting: Option<Mounting>,
+    pub(super) bodies: Bodies,
     folder: PathBuf,
 }
 

@@ -1,5 +1,6 @@
 //! Composition: the composer, with which types build their models, and its result.
 
+mod bodies;
 pub mod calibration;
 mod composer;
 mod composition;

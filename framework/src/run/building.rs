@@ -12,7 +12,7 @@ use crate::model::sensor::{Role, Sensor};
 use crate::plugin::{BuildError, Make};
 use crate::run::inputs::{self, InputPart};
 use crate::run::parts::Part;
-use crate::run::placing::place_sensor;
+use crate::run::placing::{place_sensor, ride};
 use crate::run::rules::Rules;
 use crate::state::Layout;
 use std::path::Path;
@@ -91,7 +91,8 @@ impl<'a> Building<'a> {
                 self.composer.begin(part.name);
                 let keys = part.sensor_keys().parse()?;
                 let built = make(&part.own_keys(), &mut self.composer)?;
-                *place = Some(place_sensor(part, keys, built, &self.rules, &mut self.composer)?);
+                let sensor = place_sensor(part, keys, built, &self.rules, &mut self.composer)?;
+                *place = Some(ride(sensor, &mut self.composer, &self.parts));
             }
         }
         Ok(())

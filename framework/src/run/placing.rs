@@ -3,6 +3,7 @@
 use crate::compose::keys::SensorKeys;
 use crate::compose::{Composer, Composition, correlated, time_offset};
 use crate::document::DocumentError;
+use crate::model::sensor::body::Ride;
 use crate::model::sensor::limits;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::model::simulate::fault::Injector;
@@ -92,6 +93,17 @@ pub(super) fn place_sensor(
         detector,
         ..Sensor::new(info, built.role)
     })
+}
+
+/// Puts a sensor on the body that it has named. Its samples may wait for the next pose of the body.
+pub(super) fn ride(mut sensor: Sensor, composer: &mut Composer, parts: &[Part<'_>]) -> Sensor {
+    if let Some((body, first)) = composer.take_ride()
+        && let Some(index) = parts.iter().position(|part| part.name == body.sensor)
+    {
+        sensor.ride = Some(Ride { sensor: index, first, gap: body.max_gap });
+        sensor.late = sensor.late.max(Some(body.max_gap));
+    }
+    sensor
 }
 
 /// Longest time from a sample to its arrival.

@@ -4,9 +4,11 @@ mod announced;
 mod comparison;
 mod estimators;
 mod finished;
+mod info;
 mod output_rate;
 mod outputs;
 mod resume;
+mod riding;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod session;
 mod silence;

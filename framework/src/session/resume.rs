@@ -4,7 +4,8 @@ use crate::checkpoint::{Checkpoint, CheckpointError, Part};
 use crate::compose::Composition;
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::NamedSink;
-use crate::session::session::{Session, run_info};
+use crate::session::info::run_info;
+use crate::session::session::Session;
 
 impl Session {
     /// Continues the run of a checkpoint: what follows equals, bit for bit, what would have

@@ -12,8 +12,10 @@ use crate::model::stream::{NamedSink, RunInfo};
 use crate::session::announced::Announced;
 use crate::session::estimators;
 use crate::session::finished::{End, Finished, RunError};
+use crate::session::info::run_info;
 use crate::session::output_rate::OutputRate;
 use crate::session::outputs::Outputs;
+use crate::session::riding::Riding;
 use crate::session::silence::SilenceMonitor;
 use crate::session::summary::Statistics;
 use crate::session::verdict::Judge;
@@ -49,6 +51,8 @@ pub struct Session {
     estimator: Box<dyn Estimator>,
     /// Samples that wait for late ones, where a sensor may be late.
     timeline: Option<Timeline>,
+    /// Samples that wait for the pose of another body, where a sensor rides on one.
+    riding: Option<Riding>,
     silence: SilenceMonitor,
     outputs: Outputs,
     /// Rate of the newest estimates.
@@ -79,6 +83,7 @@ impl Session {
         let Self {
             estimator,
             timeline,
+            riding,
             silence,
             outputs,
             newest,
@@ -93,6 +98,7 @@ impl Session {
         }
         estimator.memory(io);
         io.part("late samples", |io| io.each(timeline));
+        io.part("samples on other bodies", |io| io.each(riding));
         io.part("silence", |io| io.pass(silence));
         io.part("results", |io| io.pass(outputs));
         io.part("events", |io| io.pass(announced));
@@ -109,6 +115,7 @@ impl Session {
         Self {
             silence: SilenceMonitor::new(timeouts, &info.sensors),
             timeline: Timeline::new(&composition),
+            riding: Riding::new(&composition),
             announced: Announced::new(composition.notes.clone()),
             estimator: estimators::create(composition),
             outputs: Outputs::new(sinks, Statistics::new(info), rate, judge),
@@ -141,7 +148,7 @@ impl Session {
         self.announced.add_warning(about, text);
     }
 
-    /// Asks the sinks to begin new files: [`crate::model::stream::Sink::reopen`].
+    /// Asks the sinks to begin new files, as [`crate::model::stream::Sink::reopen`] does.
     pub fn reopen(&mut self) {
         self.outputs.reopen(self.estimator.time());
     }
@@ -161,8 +168,7 @@ impl Session {
         self.estimator.composition().estimator.stop()
     }
 
-    /// Returns `true` once no further sample is used: the samples have passed `estimator.stop`, and
-    /// none that is late can precede it.
+    /// Returns `true` once the samples have passed `estimator.stop`, and no late one can precede it.
     pub fn is_over(&self) -> bool {
         self.over
     }
@@ -216,6 +222,21 @@ impl Session {
     }
 
     fn take(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
+        let Some(riding) = &mut self.riding else { return self.use_complete(sample) };
+        riding.arrive(sample);
+        self.use_ridden()
+    }
+
+    /// Uses the samples that do not wait for the pose of another body any more.
+    fn use_ridden(&mut self) -> Result<(), EstimatorError> {
+        while let Some(sample) = self.riding.as_mut().and_then(Riding::next) {
+            self.use_complete(&sample)?;
+        }
+        Ok(())
+    }
+
+    /// Takes a sample that has all its channels.
+    fn use_complete(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         let Some((timeline, filter)) = self.timeline.as_mut().zip(self.estimator.settled()) else {
             return self.process(sample);
         };
@@ -255,7 +276,7 @@ impl Session {
         }
     }
 
-    /// Passes one sample on to the filter and the sinks.
+    /// Passes one sample on to filter and sinks.
     fn process(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         self.record_epoch(sample.time);
         self.release(sample.time);
@@ -361,8 +382,12 @@ impl Session {
         self.error.take().map_or(Ok(()), Err)
     }
 
-    /// Processes the samples that wait for late ones.
+    /// Processes the samples that wait for the pose of another body or for late ones.
     fn process_rest(&mut self) -> Result<(), EstimatorError> {
+        if let Some(riding) = &mut self.riding {
+            riding.close();
+        }
+        self.use_ridden()?;
         if let Some(timeline) = &mut self.timeline {
             timeline.close();
         }
@@ -441,20 +466,5 @@ impl Session {
         let findings = std::mem::take(&mut self.outputs.findings);
         let (events, sinks) = self.outputs.into_parts();
         Finished { time, summary, recorded, events, findings, error, interrupted, sinks }
-    }
-}
-
-/// The facts about a run that its sinks receive first.
-pub(super) fn run_info(composition: &Composition) -> RunInfo {
-    RunInfo {
-        name: composition.name.clone(),
-        description: composition.description.clone(),
-        scenario: composition.text.clone(),
-        seed: composition.seed,
-        simulated: composition.simulated,
-        smoothed: composition.estimator.smooths(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        layout: (*composition.layout).clone(),
-        sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),
     }
 }

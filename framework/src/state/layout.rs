@@ -83,6 +83,16 @@ pub struct Vehicle {
     pub velocity: Option<Handle<Vector<3>>>,
 }
 
+/// A body beside the vehicle: its name, and the sensor that has its pose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BodyInfo {
+    /// Name of the process that declares it.
+    pub name: String,
+    /// Driving sensor whose first channels are the pose: latitude, longitude (rad), height (m), roll,
+    /// pitch and heading (rad).
+    pub sensor: String,
+}
+
 /// Blocks of a composition and their places.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
@@ -104,6 +114,8 @@ pub struct Layout {
     pub(crate) turning: Vec<Turning>,
     /// The bodies whose motion processes declare, in the order of composition.
     pub vehicles: Vec<Vehicle>,
+    /// The bodies beside the vehicle.
+    pub bodies: Vec<BodyInfo>,
 }
 
 impl Layout {

@@ -17,7 +17,7 @@ pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
 pub use block_set::BlockSet;
-pub use layout::{AnyHandle, Handle, Layout, Past, Signal, State, Vehicle};
+pub use layout::{AnyHandle, BodyInfo, Handle, Layout, Past, Signal, State, Vehicle};
 pub use transient::Transients;
 pub(crate) use vectorised::vectorised;
 pub use view::View;

@@ -12,6 +12,7 @@
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
 //! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |
 //! | `/world/vehicle/beams/SENSOR` | the beams of a sensor, at their length where its samples give it |
+//! | `/world/bodies/NAME` | position and attitude of a body beside the vehicle; its track in `/world/tracks/NAME`, `/plan/bodies/NAME`, `/map/bodies/NAME` |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
 //! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipsoids` | 3 sigma along the track, enlarged as the titles name it |
 //! | `/map/graticule` | lines of equal latitude and longitude |
@@ -35,6 +36,7 @@
 mod arrangement;
 mod axis;
 mod blueprint;
+mod bodies;
 pub mod colours;
 mod columns;
 mod derived;

@@ -37,4 +37,5 @@ pub struct Places {
     pub samples: Option<usize>,
     pub lane: Option<usize>,
     pub mount: Option<usize>,
+    pub body: Option<usize>,
 }

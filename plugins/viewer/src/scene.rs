@@ -1,5 +1,6 @@
 //! The run in three dimensions and on the map: track, vehicle, uncertainty and sensors.
 
+use crate::bodies::HULL;
 use crate::colours::ColourScale;
 use crate::ellipses::{self, ELLIPSOID, enlargement};
 use crate::map::Graticule;
@@ -42,11 +43,14 @@ pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
         graticule.draw(recording)?;
     }
     ellipses::draw(recording, track)?;
+    let ship = hull(VEHICLE * side, HULL);
+    track.bodies.iter().try_for_each(|body| body.draw(recording, &ship))?;
     draw_vehicle(recording, track, VEHICLE * side)
 }
 
 /// Sends the last pose to the viewers that watch.
 pub fn follow(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
+    track.bodies.iter().try_for_each(|body| body.follow(recording))?;
     match track.poses.iter().last() {
         Some(pose) => write_poses(recording, &[pose], track, true),
         None => Ok(()),
@@ -64,6 +68,7 @@ pub fn finish(recording: &Recording, track: &Motion) -> Result<(), StreamError> 
         let vehicle = VEHICLE * side;
         track.mounts.iter().try_for_each(|mount| mount.write(recording, vehicle, end))?;
     }
+    track.bodies.iter().try_for_each(|body| body.finish(recording))?;
     write_poses(recording, &poses, track, false)
 }
 

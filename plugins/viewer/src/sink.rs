@@ -1,6 +1,7 @@
 //! The sink.
 
 use crate::arrangement::{self, Stage};
+use crate::bodies::Body;
 use crate::columns::ROWS;
 use crate::innovation::SensorSeries;
 use crate::lane::SensorLane;
@@ -202,6 +203,11 @@ impl Run {
                 places.mount = Some(track.mounts.len());
                 track.mounts.push(mount);
             }
+            let body = info.layout.bodies.iter().find(|body| body.sensor == sensor.name);
+            if let (Some(track), Some(body)) = (&mut run.track, body) {
+                places.body = Some(track.bodies.len());
+                track.bodies.push(Body::new(&body.name, full));
+            }
             run.places.push(places);
         }
         run
@@ -309,6 +315,9 @@ impl RerunSink {
         }
         if let (Some(track), Some(mount)) = (&mut run.track, places.mount) {
             track.sample(mount, sample);
+        }
+        if let (Some(track), Some(body)) = (&mut run.track, places.body) {
+            track.body(body, sample);
         }
         match places.lane {
             Some(lane) => run.lanes[lane].sample(&self.recording, sample.time),

@@ -1,10 +1,12 @@
 //! The track of the vehicle: places with their sigma, and poses over time.
 
+use crate::bodies::Body;
 use crate::columns::Thinned;
 use crate::quantity::Here;
 use crate::rig::Mount;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::nalgebra::{Matrix3, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion};
+use navfuse_core::state::manifold::{Manifold, Position};
 use navfuse_core::state::{Handle, Layout};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
@@ -58,6 +60,8 @@ pub struct Motion {
     pub poses: Thinned<Pose>,
     /// The sensors on the vehicle.
     pub mounts: Vec<Mount>,
+    /// The bodies beside the vehicle.
+    pub bodies: Vec<Body>,
     /// The box around the tracks.
     pub extent: Extent,
     here: Here,
@@ -127,6 +131,7 @@ impl Motion {
             truth: Thinned::new(VERTICES),
             poses: Thinned::new(if full { usize::MAX } else { POSES }),
             mounts: Vec::new(),
+            bodies: Vec::new(),
             turn: UnitQuaternion::identity(),
             turned: None,
             turning: false,
@@ -180,6 +185,15 @@ impl Motion {
         let mut geo = [0.0; 3];
         (block.operations.coordinates)(&epoch.state.values[block.range()], &mut geo);
         self.here = Here { latitude: geo[0], height: geo[2] };
+    }
+
+    /// Takes the pose of a sample of that body's navigation, once the track has begun.
+    pub fn body(&mut self, body: usize, sample: &Sample) {
+        let Some(origin) = &self.origin else { return };
+        let origin = <Position as Manifold>::load::<f64>(origin);
+        if let Some((ned, geo)) = self.bodies[body].sample(sample, &origin) {
+            self.extent.include(&Place { ned, geo, sigma: 0.0 });
+        }
     }
 
     /// Takes the beams of a sample of that sensor on the vehicle.

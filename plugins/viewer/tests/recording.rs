@@ -14,7 +14,9 @@ use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::{
     Derived, InputRejection, Outcome, Record, Rejection, UpdateRecord,
 };
+use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::Sink;
+use navfuse_core::state::BodyInfo;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_rerun::{Rerun, Serve};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
@@ -161,6 +163,40 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         .flat_map(|c| c.iter_component_offsets(strips).map(|row| row.len))
         .collect();
     assert_eq!(beams, vec![4; samples]);
+}
+
+/// A ship beside the vehicle: ten poses after the first position, a hull, and its track in each view.
+#[test]
+fn a_body_beside_the_vehicle_has_poses_and_a_track() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Synthetic::new(300);
+    let id = SensorId(run.info.sensors.len());
+    let pose = [("lat", "rad"), ("lon", "rad"), ("height", "m")];
+    let angles = [("roll", "rad"), ("pitch", "rad"), ("heading", "rad")];
+    let channels = [pose, angles].concat();
+    run.info.sensors.push(common::sensor("ship-navigation", Purpose::Input, &channels));
+    let (name, sensor) = ("ship".to_owned(), "ship-navigation".to_owned());
+    run.info.layout.bodies.push(BodyInfo { name, sensor });
+    let rerun = Rerun { full: true, ..Rerun::default() };
+    let mut sink = rerun.record(folder.path(), Vec::new()).unwrap();
+    run.feed(sink.as_mut()).unwrap();
+    for k in 0..10 {
+        let values = [0.5, 0.1 + 1e-7 * k as f64, 2.0, 0.0, 0.0, 0.3];
+        sink.take(&Record::Sample(&Sample::new(Synthetic::time(k), id, &values))).unwrap();
+    }
+    sink.finish().unwrap();
+    let stores = stores(&folder.path().join("run.rrd"));
+    let recording = stores.iter().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
+    let rows = |entity: &str| -> usize {
+        let chunks = recording.iter_physical_chunks();
+        chunks.filter(|c| c.entity_path().to_string() == entity).map(|c| c.num_rows()).sum()
+    };
+    assert_eq!(rows("/world/bodies/ship"), 10);
+    for entity in
+        ["/world/bodies/ship/hull", "/world/tracks/ship", "/plan/bodies/ship", "/map/bodies/ship"]
+    {
+        assert!(rows(entity) > 0, "{entity}");
+    }
 }
 
 /// The texts of an entity, in their order.

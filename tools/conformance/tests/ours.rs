@@ -267,6 +267,21 @@ fn acoustic_positioning_conforms() -> Result<(), Failed> {
         sound = "water"
         simulation = { rate = "1 Hz", reach = "1 km" }
         "#,
+    )?;
+    conforms(
+        &navfuse_acoustic::AcousticPlugin,
+        r#"
+        [process.ship]
+        position = { sigma = "50 cm", correlation_time = "10 min" }
+        attitude = { sigma = "0.1 deg", correlation_time = "30 min" }
+        [sensor.ship-navigation]
+        simulation = { rate = "5 Hz", latitude = "43.001 deg", speed = "1 m/s", turn = "1 deg/s", swell = "3 deg" }
+        [sensor.usbl]
+        ship = "ship"
+        range_noise = "20 cm"
+        angle_noise = "0.2 deg"
+        simulation = { rate = "1 Hz" }
+        "#,
     )
 }
 

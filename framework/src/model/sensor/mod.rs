@@ -1,5 +1,6 @@
 //! Sensors: their roles, measurement models, and what a scenario states about each of them.
 
+pub mod body;
 pub mod conversion;
 pub mod delivery;
 pub mod detector;

@@ -1,6 +1,7 @@
 //! Sensors and their roles in the estimator.
 
 use crate::model::process::input::Correction;
+use crate::model::sensor::body::Ride;
 use crate::model::sensor::conversion::Converter;
 use crate::model::sensor::delivery::Delay;
 use crate::model::sensor::detector::Detector;
@@ -173,6 +174,8 @@ pub struct Sensor {
     /// Set if no source has samples of the sensor: it is a constraint of a process, or a
     /// pseudo-measurement.
     pub constraint: bool,
+    /// The body beside the vehicle on which the sensor rides.
+    pub ride: Option<Ride>,
     /// Detector of a pseudo-measurement.
     pub detector: Option<Box<dyn Detector>>,
 }
@@ -201,6 +204,7 @@ impl Sensor {
             noise: 1.0,
             time_offset: None,
             constraint: false,
+            ride: None,
             detector: None,
         }
     }

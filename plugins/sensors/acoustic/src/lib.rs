@@ -1,6 +1,7 @@
 //! Acoustic positioning under water.
 //!
 //! - [`Usbl`]: an ultra-short baseline on a ship measures the place of the vehicle.
+//! - [`Ship`]: the ship as another body than the vehicle, and its navigation ([`ShipNavigation`]).
 //! - [`AcousticRange`]: the two-way range to a transponder, of a long baseline or alone.
 //! - [`SoundSpeed`]: the error of the speed of sound, a state that both share.
 
@@ -11,12 +12,14 @@ mod sound;
 mod usbl;
 
 pub use range::AcousticRange;
+pub use ship::{Course, Ship, ShipNavigation};
 pub use sound::SoundSpeed;
 pub use usbl::Usbl;
 
 use navfuse_core::plugin::{Need, Plugin, Registry};
 
-/// Registers the sensor types `usbl` and `acoustic-range` and the process type `sound-speed`.
+/// Registers the sensor types `usbl`, `ship-navigation` and `acoustic-range` and the process types
+/// `ship` and `sound-speed`.
 #[derive(Clone, Copy, Debug)]
 pub struct AcousticPlugin;
 
@@ -24,6 +27,8 @@ impl Plugin for AcousticPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Usbl>();
         registry.sensor::<AcousticRange>();
+        registry.sensor::<ShipNavigation>();
+        registry.process::<Ship>();
         registry.process::<SoundSpeed>();
     }
 

@@ -5,19 +5,22 @@
 //! ```
 //! with the transponder of the vehicle at `p`, the ship at `p_s` with the attitude `C_s^n`, the
 //! transceiver at the lever arm `l_s` with the mounting `C_s^t`, and the ratio `k` of the speeds of
-//! sound. `d` is compared in Cartesian axes, where a vehicle straight below the ship has no special
+//! sound. A ship with a process of its own ([`crate::Ship`]) has states for the errors of its pose.
+//! `d` is compared in Cartesian axes, where a vehicle straight below the ship has no special
 //! place: a bearing is not defined there.
 
 use crate::line::line;
-use crate::ship::Ship;
+use crate::ship::Course;
 use crate::sound::Ratio;
 use navfuse_core::Real;
+use navfuse_core::model::sensor::body::Body;
 use navfuse_core::nalgebra::{Matrix3, Rotation3};
 use navfuse_core::prelude::*;
 use navfuse_ins::Navigation;
 
 /// Ultra-short baseline (USBL) on a ship: range and direction of the vehicle from its transceiver,
-/// or the same in Cartesian axes. Each sample has the pose of the ship at that time.
+/// or the same in Cartesian axes. Each sample has the pose of the ship at that time, or the key `ship`
+/// names the process that moves the ship.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Usbl {
@@ -26,6 +29,9 @@ pub struct Usbl {
     /// 1-sigma noise of the direction, about each axis across the line of sight, with the noise of
     /// the ship's attitude: 0.115 deg is 0.2 % of the slant range.
     pub angle_noise: Sigma<Angle>,
+    /// Ship: the name of a `[process.NAME]` of type ship, whose navigation gives the pose at the time
+    /// of a sample. Default: the channels of the pose are in each sample.
+    pub ship: Option<String>,
     /// 1-sigma noise of the position of the ship, on each axis. Default: zero.
     #[serde(default = "exact")]
     pub ship_noise: Sigma<Length>,
@@ -49,9 +55,9 @@ pub struct Usbl {
     /// Process whose position is measured.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
-    /// Keys that only a simulation needs.
+    /// Keys that only a simulation needs: the ship, where it has no process.
     #[serde(default)]
-    pub simulation: Ship,
+    pub simulation: Course,
 }
 
 fn exact() -> Sigma<Length> {
@@ -89,6 +95,15 @@ impl SensorType for Usbl {
         };
         let lever_arm = arm(self.lever_arm, composer, "lever_arm")?;
         composer.mounted(Mounting::at(lever_arm));
+        let body = self.ship.as_deref().map(|name| composer.body("ship", name)).transpose()?;
+        if let Some(body) = &body {
+            if self.simulation != Course::default() {
+                let text = "the ship has a process of its own, whose navigation simulates it: move the \
+                            keys of its course there";
+                return Err(ComposeError::new("simulation", text));
+            }
+            composer.rides(body, SHIP);
+        }
         Ok(Role::measurement(UsblModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             transceiver: arm(self.transceiver, composer, "transceiver")?,
@@ -100,6 +115,7 @@ impl SensorType for Usbl {
             ship: self.ship_noise.value().si(),
             polar: self.polar,
             simulated: self.simulation,
+            body,
         }))
     }
 }
@@ -119,7 +135,9 @@ struct UsblModel {
     /// 1-sigma of the ship's position, m.
     ship: f64,
     polar: bool,
-    simulated: Ship,
+    simulated: Course,
+    /// The ship, where it has a process.
+    body: Option<Body>,
 }
 
 /// The pose of the ship that a sample has.
@@ -130,17 +148,31 @@ fn ship(x: &View<'_, impl Real>) -> Option<(Geodetic, Rotation3<f64>)> {
     Some((Geodetic { latitude, longitude, height }, c_s_n))
 }
 
+impl UsblModel {
+    /// The errors of the measured pose of the ship: place, m, and attitude. Without a process of the
+    /// ship they are zero.
+    fn errors<T: Real>(&self, x: &View<'_, T>) -> Option<(Vector3<T>, Rotation3<T>)> {
+        self.body.as_ref().map(|body| (x.get(body.position_error), x.get(body.attitude_error)))
+    }
+}
+
 impl MeasurementModel<3> for UsblModel {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
         let (c_s_t, transceiver) = (x.get(self.c_s_t), x.get(self.transceiver));
         let (position, ratio) = (x.get(self.navigation.position), self.ratio.get(x));
         let lever_arm = x.get(self.navigation.attitude) * x.get(self.lever_arm);
+        let errors = self.errors(x);
         let Some((place, c_s_n)) = ship(x) else {
             return SVector::repeat(convert(f64::NAN)); // the filter then rejects the sample
         };
-        let c_n_s: Rotation3<T> = convert(c_s_n.inverse());
+        let mut c_n_s: Rotation3<T> = convert(c_s_n.inverse());
         // north of the vehicle is north of the ship: both turn by 1.6e-7 rad per metre
-        let in_ship = c_n_s * (line(&place.cast(), &position) + lever_arm) - transceiver;
+        let mut way = line(&place.cast(), &position) + lever_arm;
+        if let Some((moved, turned)) = errors {
+            way -= moved;
+            c_n_s *= turned.inverse();
+        }
+        let in_ship = c_n_s * way - transceiver;
         c_s_t * in_ship * ratio
     }
 
@@ -174,8 +206,13 @@ impl MeasurementModel<3> for UsblModel {
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
-        let pose = self.simulated.pose(scene.to.seconds());
-        pose.into_iter().enumerate().for_each(|(k, value)| sample.set(SHIP + k, value));
+        match &self.body {
+            Some(body) => body.measured(scene).put(sample, SHIP),
+            None => {
+                let pose = self.simulated.pose(scene.to.seconds());
+                pose.into_iter().enumerate().for_each(|(k, value)| sample.set(SHIP + k, value));
+            }
+        }
         scene.measure(self, sample);
         let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|k| sample.get(k)) else { return };
         if self.polar {

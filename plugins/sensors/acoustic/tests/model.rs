@@ -116,6 +116,35 @@ fn a_vehicle_straight_below_the_ship_is_like_any_other() {
     }
 }
 
+/// The ship of its own process, 100 m from the vehicle to the north: a heading that is 1 deg too small
+/// turns the place to the left, and a position that is 2 m too far west moves it to the west.
+#[test]
+fn errors_of_the_ship_move_the_place() {
+    let settings = [
+        "process.ship.position={sigma=\"1 m\"}",
+        "process.ship.attitude={sigma=\"1 deg\"}",
+        "sensor.ship-navigation.simulation={rate=\"5 Hz\"}",
+        "sensor.usbl={range_noise=\"20 cm\",angle_noise=\"0.2 deg\",ship=\"ship\",simulation={rate=\"1 Hz\"}}",
+    ];
+    let p = origin().displaced(&Vector3::new(100.0, 0.0, 50.0));
+    let position = [p.latitude, p.longitude, p.height];
+    let place = [("ins.position", position.as_slice())];
+    let mut bench = ModelBench::new(SCENARIO, &settings, "usbl", &place);
+    let sample = heading(0.0);
+    let found = Vector3::from_vec(predicted(&bench, &sample));
+    assert!((found - Vector3::new(100.0, 0.0, 50.0)).norm() < 0.01, "{found}");
+    bench.set("ship.position_error", &[0.0, 2.0, 0.0]);
+    let found = Vector3::from_vec(predicted(&bench, &sample));
+    assert!((found - Vector3::new(100.0, -2.0, 50.0)).norm() < 0.01, "{found}");
+    bench.set("ship.position_error", &[0.0; 3]);
+    bench.set("ship.attitude_error", &[0.0, 0.0, 1_f64.to_radians()]);
+    let found = Vector3::from_vec(predicted(&bench, &sample));
+    let (sin, cos) = 1_f64.to_radians().sin_cos();
+    assert!((found - Vector3::new(100.0 * cos, -100.0 * sin, 50.0)).norm() < 0.01, "{found}");
+    let error = jacobian_error(bench.model.as_ref(), &bench.at(&sample));
+    assert!(error < 1e-6, "{error}");
+}
+
 /// 500 m, 30 deg to the right, 40 deg below the horizon of the transceiver.
 #[test]
 fn range_bearing_and_elevation_become_the_cartesian_place() {

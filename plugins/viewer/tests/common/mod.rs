@@ -59,7 +59,11 @@ fn add<M: Manifold>(
     layout.ambient += operations.ambient;
 }
 
-fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)]) -> SensorInfo {
+pub fn sensor(
+    name: &str,
+    purpose: Purpose,
+    channels: &[(&'static str, &'static str)],
+) -> SensorInfo {
     let channels = channels.iter().map(|(n, u)| Channel::new(*n, u)).collect();
     let (name, kind) = (name.to_owned(), name.to_owned());
     SensorInfo { name, kind, channels, purpose, mounting: Mounting::default() }
