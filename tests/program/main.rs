@@ -32,5 +32,6 @@ mod scenario_reference;
 mod slurm;
 mod smoothing;
 mod snapir;
+mod systems;
 mod terminal;
 mod time_offset;
