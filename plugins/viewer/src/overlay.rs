@@ -137,7 +137,7 @@ fn draw_vehicle(
     recording.log_static(&body("hull"), &hull(length, shades))?;
     recording.log_static(&body("around"), &around(AROUND * length))?;
     // the names of vehicles at one place are above each other
-    let label = Points3D::new([[0.0, 0.0, -(0.5 + 0.3 * k as f32) * length]])
+    let label = Points3D::new([[0.0, 0.0, -(0.3 + 0.25 * k as f32) * length]])
         .with_labels([track.name.as_str()])
         .with_show_labels(true)
         .with_colors([track.colour])

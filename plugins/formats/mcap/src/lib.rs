@@ -14,6 +14,10 @@
 //! | `/estimate/fix` | `sensor_msgs/NavSatFix` | geodetic position and its covariance (east, north, up, as that message requires) |
 //! | `/tf` | `tf2_msgs/TFMessage` | `base_link_frd` in `ned`, and the frames of the sensors whose mounting the filter estimates |
 //! | `/tf_static` | `tf2_msgs/TFMessage` | `ned` in `map`, `base_link` and the frames of the other sensors in `base_link_frd`; once |
+//! | `/estimate/path`, `/reference/path` | `nav_msgs/Path` | the way of the estimate and of the truth so far, at most 256 poses |
+//! | `/reference/odometry` | `nav_msgs/Odometry` | the true pose of `reference_frd` in `ned`, and the velocity in its axes, once a second |
+//! | `/estimate/markers` | `visualization_msgs/MarkerArray` | the ellipsoid of 3 sigma and the lever arms, once a second |
+//! | `/verdict` | `navfuse_msgs/Verdict` | level and line of the verdict, at the end |
 //! | `/log` | `rcl_interfaces/Log` | events, and findings as warnings |
 //! | `/finding` | `navfuse_msgs/Finding` | a fault that was found: severity, basis, evidence and remedy |
 //! | `/rejection` | `navfuse_msgs/Rejection` | a sample of a driving sensor that the filter rejected, and why |
@@ -61,6 +65,7 @@ mod pose;
 mod reader;
 mod records;
 mod schema;
+mod shown;
 mod sink;
 mod source;
 mod topics;

@@ -93,13 +93,13 @@ impl<'a> Encoder<'a> {
         self.0.write_u32(stamp.nanosec);
     }
 
-    fn header(&mut self, stamp: Stamp, frame: &str) {
+    pub(crate) fn header(&mut self, stamp: Stamp, frame: &str) {
         self.stamp(stamp);
         self.0.write_string(frame);
     }
 
     /// Numbers, which are aligned once and copied by eights: a message of an IMU has 37 of them.
-    fn numbers(&mut self, values: &[f64]) {
+    pub(crate) fn numbers(&mut self, values: &[f64]) {
         if values.is_empty() {
             return;
         }
@@ -124,7 +124,27 @@ impl<'a> Encoder<'a> {
         texts.for_each(|t| self.0.write_string(t));
     }
 
-    fn quaternion(&mut self, q: &UnitQuaternion<f64>) {
+    pub(crate) fn text(&mut self, text: &str) {
+        self.0.write_string(text);
+    }
+
+    pub(crate) fn length(&mut self, length: usize) {
+        self.0.write_sequence_length(length);
+    }
+
+    pub(crate) fn flag(&mut self, flag: bool) {
+        self.0.write_bool(flag);
+    }
+
+    pub(crate) fn integers(&mut self, values: &[i32]) {
+        values.iter().for_each(|value| self.0.write_i32(*value));
+    }
+
+    pub(crate) fn reals(&mut self, values: &[f32]) {
+        values.iter().for_each(|value| self.0.write_f32(*value));
+    }
+
+    pub(crate) fn quaternion(&mut self, q: &UnitQuaternion<f64>) {
         self.numbers(&[q.i, q.j, q.k, q.w]);
     }
 

@@ -63,6 +63,27 @@ impl Motion {
     }
 }
 
+impl Motion {
+    /// The true pose and velocity at an epoch, without covariance, where the truth has them; the origin
+    /// is the one of [`Self::at`].
+    pub fn truth(&self, epoch: &Epoch<'_>) -> Option<(Pose, Velocity)> {
+        let truth = epoch.truth.filter(|t| t.known[self.position] && t.known[self.attitude])?;
+        let value = |slot: usize| &truth.state.values[epoch.layout.blocks[slot].range()];
+        let attitude = load_quaternion(value(self.attitude));
+        let position = Position::load::<f64>(value(self.position)).ned_from(&self.origin?);
+        let pose = Pose { position, attitude, covariance: Matrix6::zeros() };
+        let known = self.velocity.filter(|slot| truth.known[*slot]);
+        let (body, covariance) = match known {
+            Some(slot) => {
+                let velocity = Vector3::from_column_slice(value(slot));
+                (attitude.inverse() * velocity, Matrix3::zeros())
+            }
+            None => (Vector3::zeros(), Matrix3::from_element(-1.0)),
+        };
+        Some((pose, Velocity { body, covariance }))
+    }
+}
+
 fn value<'a>(epoch: &'a Epoch<'_>, slot: usize) -> &'a [f64] {
     &epoch.state.values[epoch.layout.blocks[slot].range()]
 }

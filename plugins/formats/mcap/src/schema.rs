@@ -69,6 +69,38 @@ pub const ODOMETRY: Schema = schema!(
     "geometry_msgs" / "Vector3"
 );
 
+/// Poses over time.
+pub const PATH: Schema = schema!(
+    "nav_msgs" / "Path",
+    "std_msgs" / "Header",
+    "builtin_interfaces" / "Time",
+    "geometry_msgs" / "PoseStamped",
+    "geometry_msgs" / "Pose",
+    "geometry_msgs" / "Point",
+    "geometry_msgs" / "Quaternion"
+);
+
+/// Bodies and lines in three dimensions.
+pub const MARKERS: Schema = schema!(
+    "visualization_msgs" / "MarkerArray",
+    "visualization_msgs" / "Marker",
+    "std_msgs" / "Header",
+    "builtin_interfaces" / "Time",
+    "geometry_msgs" / "Pose",
+    "geometry_msgs" / "Point",
+    "geometry_msgs" / "Quaternion",
+    "geometry_msgs" / "Vector3",
+    "std_msgs" / "ColorRGBA",
+    "builtin_interfaces" / "Duration",
+    "sensor_msgs" / "CompressedImage",
+    "visualization_msgs" / "UVCoordinate",
+    "visualization_msgs" / "MeshFile"
+);
+
+/// The verdict of a run.
+pub const VERDICT: Schema =
+    schema!("navfuse_msgs" / "Verdict", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
 /// Frames.
 pub const TRANSFORMS: Schema = schema!(
     "tf2_msgs" / "TFMessage",

@@ -238,7 +238,10 @@ impl McapSink {
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
         let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
         let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
-        self.record(Time::default(), |r| r.metadata(VERDICT, metadata))
+        self.record(Time::default(), |r| {
+            r.verdict(verdict)?;
+            r.metadata(VERDICT, metadata)
+        })
     }
 }
 
@@ -306,7 +309,13 @@ impl Recording {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.topics.estimate.epoch(&mut self.log, epoch)
+        self.topics.estimate.epoch(&mut self.log, epoch)?;
+        self.topics.shown.epoch(&mut self.log, epoch)
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamFailure> {
+        let at = self.stamp(Time::MIN)?;
+        self.topics.shown.verdict(&mut self.log, at, verdict)
     }
 
     fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {

@@ -6,6 +6,7 @@ use crate::log::StreamFailure;
 use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
 use crate::schema;
+use crate::shown::Shown;
 use crate::writer::LogWriter;
 use navfuse_core::model::record::{Epoch, InputRejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -33,6 +34,8 @@ pub struct Topics {
     pub derived: Topic,
     /// `/filtered/OWNER/NAME` of a run that is smoothed: the filter's own estimate.
     pub filtered: Blocks,
+    /// Topics for those who look at the log.
+    pub shown: Shown,
 }
 
 impl Topics {
@@ -49,6 +52,8 @@ impl Topics {
                 true => Blocks::open(log, &run.layout, "/filtered"),
                 false => Blocks(Vec::new()),
             },
+            // the last ones: the others keep their numbers
+            shown: Shown::open(log, run),
         }
     }
 }

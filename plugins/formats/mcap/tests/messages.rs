@@ -133,6 +133,10 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
             .unwrap();
         }
     });
+    // shown.rs tests the topics that nothing reads again
+    let shown = ["/path", "/markers", "/reference/odometry"];
+    let log: Vec<_> =
+        log.into_iter().filter(|m| !shown.iter().any(|end| m.topic.ends_with(end))).collect();
     // the first epoch has the frames that do not change as well
     let (_, log) = log.split_at(log.len().div_ceil(2));
     let topics: Vec<(&str, &str)> =

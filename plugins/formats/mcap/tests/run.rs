@@ -252,6 +252,10 @@ fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_a_log() {
         };
         assert!(of_topic.iter().any(has), "no {path}");
     }
+    let topics = layout["configById"]["3D!track"]["topics"].as_object().unwrap();
+    assert!(topics.contains_key("/estimate/path") && topics.contains_key("/estimate/markers"));
+    let missing = topics.keys().find(|topic| log.iter().all(|m| m.topic != **topic));
+    assert_eq!(missing, None);
     let mut shown = Vec::new();
     texts(&layout["configById"], &["followTf", "frameId"], &mut shown);
     let tf = log.iter().filter(|m| m.topic == "/tf_static" || m.topic == "/tf");

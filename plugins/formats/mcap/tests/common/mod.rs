@@ -118,6 +118,8 @@ fn one(
 ) -> Value {
     match kind {
         "float64" => float(r.read_f64().unwrap()),
+        "float32" => float(r.read_f32().unwrap().into()),
+        "bool" => r.read_bool().unwrap().into(),
         "int32" => r.read_i32().unwrap().into(),
         "uint32" => r.read_u32().unwrap().into(),
         "uint16" => r.read_u16().unwrap().into(),
