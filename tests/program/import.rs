@@ -98,11 +98,22 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     recording.write("unknown.csv", "time_s,temperature_c\n1,20\n");
     recording.write("timeless.csv", "depth_m,pitch_deg\n1,2\n");
     recording.write("empty.csv", "");
+    let rows = "0.0,10.1,20.2,3.1\n0.2,60.3,90.4,3.2\n0.4,120.5,160.6,3.3\n";
+    recording.write("local.csv", &format!("time,east,north,up\n{rows}"));
+    recording.write("axes.csv", &format!("time,x,y,z\n{rows}"));
+    recording.write("beams.csv", "time,beam1,beam2,beam3,beam4\n0,1,2,3,4\n1,1,2,3,4\n");
+    recording.write("earth.csv", "time,vel_n_mps,vel_e_mps,vel_d_mps\n0,1,2,0\n1,1,2,0\n");
+    recording.write("log.yaml", "- t: 0.1\n  w: [1, 2]\n- t: 0.2\n  w: [1, 2]\n");
     for (files, words) in [
         (vec![path("numbers.csv")], "not headings"),
         (vec![path("unknown.csv")], "no sensor is recognised by its columns time_s, temperature_c"),
         (vec![path("timeless.csv")], "no column of the time"),
         (vec![path("empty.csv")], "the file is empty"),
+        (vec![path("local.csv")], "metres east and north of a point"),
+        (vec![path("axes.csv")], "name axes alone"),
+        (vec![path("beams.csv")], "along the beams of a velocity log"),
+        (vec![path("imu.csv"), path("earth.csv")], "no table has the positions of their receiver"),
+        (vec![path("log.yaml")], "it is YAML"),
         (vec![path("dvl.csv")], "no file has an IMU"),
         (vec![path("imu.csv"), path("imu.csv")], "it has the sensor imu"),
         (vec![path("nothing.csv")], "nothing.csv"),
@@ -295,6 +306,7 @@ fn logs_of_vehicles_and_tables_of_inertial_units_become_scenarios_that_run() {
         "sensors.imu = { message = \"sensor_combined\" }",
         "sensors.gnss = { message = \"sensor_gps\", instance = 0 }",
         "sensors.reference = { message = \"vehicle_local_position\", with = \"vehicle_attitude\" }",
+        "accuracy_floor = { horizontal = \"0.8 m\", vertical = \"1.20 m\", velocity = \"0.03 m/s\" }",
     ] {
         assert!(text.contains(line), "{line}: {text}");
     }

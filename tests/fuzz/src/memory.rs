@@ -34,7 +34,8 @@ macro_rules! formats {
 formats!(pings, dvl::Format: pd0 Pd0, pd4 Pd4, pd6 Pd6, ad2cp Ad2cp, nortek_nmea NortekNmea,
     water_linked_json WaterLinkedJson, water_linked_serial WaterLinkedSerial);
 formats!(messages, vehicle::Format: ulog Ulog, tlog Tlog, novatel Novatel, vectornav Vectornav,
-    sbet Sbet, kf_gins KfGins, dataflash Dataflash, ubx Ubx, nucleus Nucleus, psins Psins, sbf Sbf);
+    sbet Sbet, kf_gins KfGins, dataflash Dataflash, ubx Ubx, nucleus Nucleus, psins Psins, sbf Sbf,
+    sbg_ecom SbgEcom, vectornav_binary VectornavBinary, mip Mip);
 
 /// The sentences without their epochs.
 pub fn nmea_sentences(bytes: &[u8]) -> usize {

@@ -95,10 +95,10 @@ pub struct Mounted {
 }
 
 /// A signed axis of an instrument: its index, and its sign.
-type Axis = (usize, f64);
+pub type Axis = (usize, f64);
 
 /// The axis that points down, by the mean of the specific force.
-fn down(force: [f64; 3]) -> Option<Axis> {
+pub fn down(force: [f64; 3]) -> Option<Axis> {
     let norm = force.iter().map(|f| f * f).sum::<f64>().sqrt();
     let k = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
     (force[k].abs() > VERTICAL * norm).then(|| (k, -force[k].signum()))
@@ -234,6 +234,46 @@ pub fn against_course(imu: &Senses, force: [f64; 3], rows: &[[f64; 3]]) -> Optio
         }
     }
     best.map(|(_, mounted)| mounted)
+}
+
+/// Tests whether the course of a vehicle turns as if east and north were exchanged: by the turns alone,
+/// and by the accelerations too. The rows are the same, beside the factors that turn the velocity east into
+/// one north, and north into one east.
+pub fn is_mirrored(
+    imu: &Senses,
+    force: [f64; 3],
+    rows: &[[f64; 3]],
+    [north, east]: [f64; 2],
+) -> [bool; 2] {
+    let exchange = |[t, n, e]: &[f64; 3]| [*t, e * north, n * east];
+    let exchanged: Vec<[f64; 3]> = rows.iter().map(exchange).collect();
+    let other = sensed(imu.as_they_are(), force, &exchanged);
+    let own = imu.0.iter().zip(Sense::ALL).filter_map(|(inertial, sense)| {
+        let [_, force] = sense.right([0.0; 3], force);
+        sensed(inertial, force, rows).map(|(_, cost)| cost)
+    });
+    let least = own.fold(f64::INFINITY, f64::min);
+    let turns =
+        turns(imu.as_they_are(), force, rows).zip(turns(imu.as_they_are(), force, &exchanged));
+    let against = turns.is_some_and(|(own, other)| other + EVIDENT < own);
+    [against, other.is_some_and(|(_, cost)| cost + EVIDENT < least)]
+}
+
+/// Minus twice the logarithm of the likelihood of the turns of a course, whose noise is that of the
+/// velocity across it, over the speed.
+fn turns(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<f64> {
+    let axis = down(force)?;
+    let (mut count, mut rest, mut weights) = (0.0, 0.0, f64::MIN_POSITIVE);
+    for [a, b] in pairs(rows) {
+        let Some((_, rotated)) = inertial(imu, a[0], b[0], axis) else { continue };
+        let [before, after] = [a, b].map(|row| row[1].hypot(row[2]));
+        let [from, to] = [a, b].map(|row| row[2].atan2(row[1]));
+        let wrong = (to - from - rotated + PI).rem_euclid(TAU) - PI;
+        count += 1.0;
+        rest += (before.min(after) * wrong).powi(2);
+        weights += before.min(after).powi(2);
+    }
+    (count >= LEAST as f64).then(|| 0.5 * count * (rest / weights).max(f64::MIN_POSITIVE).ln())
 }
 
 /// The turn in one sense, and minus twice the logarithm of its likelihood.

@@ -131,6 +131,7 @@ pub fn sensors(
             source: vec![format!("topic = {}", quoted(&topic.name))],
             questions: Vec::new(),
             velocity: more.is_some(),
+            ..Found::default()
         };
         if let Some(more) = more {
             found.source.push(format!("more = [{}]", quoted(&more.name)));

@@ -4,6 +4,7 @@ mod start;
 
 use crate::Answers;
 use crate::recording::{Part, Reader, Recording};
+use crate::rotation;
 use crate::stream::StreamSurvey;
 use navfuse_core::document::quoted;
 use navfuse_core::units::calendar::Calendar;
@@ -283,6 +284,7 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             if part.found.velocity {
                 out.ask("velocity_noise = \"10 cm/s\"", "noise of the data sheet");
             }
+            accuracy(out, part, stream);
             lever_arm(out, part, "position of the antenna from the IMU");
         }
         "compass" => out.ask("noise = \"1 deg\"", "noise of the data sheet"),
@@ -305,6 +307,22 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
         }
         _ => {}
     }
+}
+
+/// The smallest accuracies that are taken from a receiver which reports some, by its class.
+fn accuracy(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
+    let reports = |s: &StreamSurvey| s.channel("h_acc").is_some_and(|k| s.mean[k] > 0.0);
+    let Some(class) = part.found.class.filter(|_| stream.is_some_and(reports)) else { return };
+    let [horizontal, vertical, velocity] = class.floor();
+    let velocity = match part.found.velocity {
+        true => format!(", velocity = \"{velocity} m/s\""),
+        false => String::new(),
+    };
+    out.line(&format!(
+        "accuracy_floor = {{ horizontal = \"{horizontal} m\", vertical = \"{vertical:.2} m\"{velocity} }} \
+         # its best fixes are {}",
+        class.name()
+    ));
 }
 
 /// The mounting of a velocity log: `v_b = e^(i alpha) v_d` is a yaw of `-alpha` of `C_d^b`.
@@ -340,6 +358,15 @@ fn sources(out: &mut Text, recording: &Recording) {
     for part in recording.parts.iter().filter(|p| p.reader == Reader::Csv) {
         out.line(&format!("[source.csv.files.{}]", part.name));
         out.line(&format!("path = {}", path(part)));
+        if !part.then.is_empty() {
+            let then = part.then.iter().map(|(_, file)| quoted(&file.display().to_string()));
+            out.line(&format!("then = [{}]", then.collect::<Vec<_>>().join(", ")));
+        }
+        if let Some(turn) = &part.samples.rotation {
+            let [roll, pitch, yaw] =
+                rotation::degrees(turn).map(|a| (a * 100.0).round() / 100.0 + 0.0);
+            out.line(&format!("rotation = [\"{roll} deg\", \"{pitch} deg\", \"{yaw} deg\"]"));
+        }
         table(out, &part.found.source);
         if let Some((keys, file)) = &part.more {
             out.line(&format!("[source.csv.more.{}]", part.name));

@@ -1,5 +1,7 @@
 //! A sensor as it was found in a file.
 
+use crate::class::FixClass;
+
 /// A sensor that was found in a file.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
@@ -13,6 +15,10 @@ pub struct Found {
     pub questions: Vec<String>,
     /// Set if a position comes with a velocity.
     pub velocity: bool,
+    /// First and last time of the rows of a table that were looked at, s.
+    pub span: Option<[f64; 2]>,
+    /// The best class of fixes that a receiver reports.
+    pub class: Option<FixClass>,
 }
 
 /// The use of an odometry in a bag.

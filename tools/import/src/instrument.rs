@@ -1,5 +1,6 @@
 //! Files as instruments write them: velocity logs and NMEA 0183.
 
+use crate::class;
 use crate::found::Found;
 use navfuse_dvl_files::{Coordinates, Format, Stamp};
 use navfuse_frames::{Frames, Sentences};
@@ -40,7 +41,10 @@ pub fn velocity_log(beginning: &[u8]) -> Option<(Option<i64>, Vec<Found>)> {
         Coordinates::Beam | Coordinates::Instrument => {}
     }
     let (sensor, velocity) = (Vec::new(), false);
-    Some((stamp, vec![Found { kind: "dvl", sensor, source, questions, velocity }]))
+    Some((
+        stamp,
+        vec![Found { kind: "dvl", sensor, source, questions, velocity, ..Found::default() }],
+    ))
 }
 
 /// Number of sentences of one address from which wrong checksums are the rule of a program.
@@ -89,9 +93,13 @@ pub fn nmea(beginning: &[u8]) -> Option<Vec<Found>> {
 fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
     let mut frames = Frames::new(beginning, framing);
     let (mut gnss, mut velocity, mut heading, mut depth) = (false, false, false, false);
+    let mut best = None;
     while let Ok(Some(frame)) = frames.next() {
         match parse(framing.content(frame.bytes)) {
-            Some(Sentence::Fix { position: Some(_), quality: 1..=5, .. }) => gnss = true,
+            Some(Sentence::Fix { position: Some(_), quality: quality @ 1..=5, .. }) => {
+                gnss = true;
+                best = best.max(class::of(class::GGA, f64::from(quality)));
+            }
             Some(Sentence::Minimum {
                 valid: true,
                 estimated: false,
@@ -114,10 +122,11 @@ fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
         source: Vec::new(),
         questions,
         velocity,
+        ..Found::default()
     };
     let mut sensors = Vec::new();
     if gnss {
-        sensors.push(found("gnss", velocity, Vec::new()));
+        sensors.push(Found { class: best, ..found("gnss", velocity, Vec::new()) });
     }
     if heading {
         sensors.push(found("dual-antenna", false, Vec::new()));

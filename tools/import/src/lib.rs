@@ -7,16 +7,21 @@
 
 mod axes;
 mod bag;
+mod class;
 mod clocks;
 mod draft;
+mod earth;
 mod folder;
 mod found;
 mod instrument;
 mod marks;
 mod recording;
+mod rotation;
 mod samples;
+mod several;
 mod stream;
 mod table;
+mod turns;
 mod vehicle;
 
 pub use axes::{Mounted, Sense, Turn};
@@ -102,6 +107,7 @@ pub fn import(
         streams = Some(surveyed);
     };
     recording.share_time(&streams)?;
+    recording.swims_along_its_axes()?;
     let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
     for stream in &streams {

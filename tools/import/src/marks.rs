@@ -38,11 +38,7 @@ const LONG: [Mark; 25] = [
 
 /// Marks of messages of receivers and inertial units, which other bytes may resemble: they name a
 /// file that nothing else recognises.
-const SHORT: [Mark; 3] = [
-    (0, b"\xff\x5a", "logs of SBG (sbgECom)", "export them as text with sbgDataParser"),
-    (0, b"\x75\x65", "messages of MicroStrain (MIP)", CONVERT),
-    (0, b"\xd3\x00", "messages of RTCM", CONVERT),
-];
+const SHORT: [Mark; 1] = [(0, b"\xd3\x00", "messages of RTCM", CONVERT)];
 
 fn find(marks: &[Mark], beginning: &[u8]) -> Option<[&'static str; 2]> {
     let fits = |m: &&Mark| beginning.get(m.0..).is_some_and(|rest| rest.starts_with(m.1));

@@ -9,6 +9,7 @@ use crate::samples::Samples;
 use crate::table;
 use crate::vehicle;
 use navfuse_core::model::stream::StreamError;
+use navfuse_vehicle_logs::Format;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -41,7 +42,7 @@ pub enum Reader {
     Dvl(Option<i64>),
     Nmea,
     /// With the index of the file among the logs of vehicles.
-    Vehicle(navfuse_vehicle_logs::Format, usize),
+    Vehicle(Format, usize),
     Bag,
 }
 
@@ -56,8 +57,10 @@ pub struct Part {
     pub file: PathBuf,
     /// Position from the IMU along forward, right, down, m, where the recording has it.
     pub lever_arm: Option<[f64; 3]>,
-    /// Keys and file of the other half of an inertial unit.
+    /// Keys and file with other channels: the other half of an inertial unit, the velocity of a receiver.
     pub more: Option<(Vec<String>, PathBuf)>,
+    /// Files that go on where the one before ends, with the times of their first and last row.
+    pub then: Vec<([f64; 2], PathBuf)>,
     /// Conversion of the samples that they need.
     pub samples: Samples,
 }
@@ -83,8 +86,16 @@ pub struct Recording {
     pub mounted: bool,
     /// Roll, pitch and yaw at the start by the vehicle's own filter, rad.
     pub attitude: Option<[f64; 3]>,
+    /// Set once the IMU was levelled, and turned, by any angle, and once positions were exchanged.
+    pub tilted: bool,
+    pub turned_freely: bool,
+    pub exchanged: bool,
+    /// Set where the velocities of a log are along north and east; `false` for east and north.
+    pub earth: Option<bool>,
+    /// Velocity of a receiver in a file of its own.
+    pub velocity: Option<(Found, PathBuf)>,
     /// Gyros and accelerometers in files of their own.
-    halves: [Option<(Found, PathBuf)>; 2],
+    pub halves: [Option<(Found, PathBuf)>; 2],
 }
 
 impl Recording {
@@ -115,6 +126,7 @@ impl Recording {
         }
         recording.use_odometry()?;
         recording.join_halves();
+        recording.join_velocity()?;
         if recording.part("imu").is_none() && !recording.drive_by_attitude() {
             return Err(recording.without_imu());
         }
@@ -210,10 +222,10 @@ impl Recording {
             (Reader::Csv, table::oxts(&navfuse_csv::text(&bytes)))
         } else if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
             (Reader::Dvl(stamp), found)
-        } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
+        } else if let Some(format) = Format::recognise(&bytes) {
             let bytes =
                 navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
-            let found = vehicle::sensors(format, bytes, &mut self.notes);
+            let found = vehicle::sensors(format, bytes, false, &mut self.notes);
             if found.is_empty() {
                 let notes = self.notes[noted..].iter().map(|note| format!(": {note}"));
                 let notes: String = notes.collect();
@@ -222,11 +234,9 @@ impl Recording {
                     "write [source.vehicle-log] into a scenario, and map the fields of its messages",
                 ));
             }
-            let logs = self.parts.iter().filter_map(|p| match p.reader {
-                Reader::Vehicle(_, k) => Some(k + 1),
-                _ => None,
-            });
-            (Reader::Vehicle(format, logs.max().unwrap_or(0)), found)
+            (Reader::Vehicle(format, self.next_log()), found)
+        } else if let Some(found) = vehicle::unchecked(&bytes, &mut self.notes) {
+            (Reader::Vehicle(Format::Novatel, self.next_log()), found)
         } else if let Some(found) = instrument::nmea(&bytes) {
             (Reader::Nmea, found)
         } else {
@@ -245,6 +255,15 @@ impl Recording {
             self.add_part(found, reader, file, &absolute, None)?;
         }
         Ok(true)
+    }
+
+    /// Index of the next log of a vehicle.
+    fn next_log(&self) -> usize {
+        let logs = self.parts.iter().filter_map(|p| match p.reader {
+            Reader::Vehicle(_, k) => Some(k + 1),
+            _ => None,
+        });
+        logs.max().unwrap_or(0)
     }
 
     /// Adds the odometry of a bag: as answered, or as relative poses where the recording has GNSS or
@@ -276,6 +295,15 @@ impl Recording {
             self.halves[k] = Some((found, absolute.to_owned()));
             return Ok(());
         }
+        if found.kind == "velocity" {
+            if let Some((_, other)) = &self.velocity {
+                let text =
+                    format!("it has velocities along north and east, as {} has", other.display());
+                return Err(StreamError::format(text).in_file(file));
+            }
+            self.velocity = Some((found, absolute.to_owned()));
+            return Ok(());
+        }
         let name = match found.kind {
             "dual-antenna" => "compass",
             "relative-pose" => "odometry",
@@ -285,6 +313,9 @@ impl Recording {
             }
             kind => kind,
         };
+        if self.goes_on(name, &found, absolute) {
+            return Ok(());
+        }
         if let Some(other) = self.part(name) {
             let message = format!(
                 "it has the sensor {name}, as {} has: give one of the files",
@@ -300,29 +331,10 @@ impl Recording {
             file,
             lever_arm,
             more: None,
+            then: Vec::new(),
             samples: Samples::default(),
         });
         Ok(())
-    }
-
-    /// Makes one inertial unit of gyros and accelerometers in two files.
-    fn join_halves(&mut self) {
-        if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) {
-            return;
-        }
-        let [Some((gyros, other)), Some((accels, file))] = std::mem::take(&mut self.halves) else {
-            return;
-        };
-        let mut found = Found { kind: "imu", ..accels };
-        found.questions.extend(gyros.questions);
-        found.questions.push(format!(
-            "the rates of {} are interpolated to the times of the specific forces",
-            other.display()
-        ));
-        let more = Some((gyros.source, other));
-        let (name, reader) = ("imu", Reader::Csv);
-        let samples = Samples::default();
-        self.parts.push(Part { name, found, reader, file, lever_arm: None, more, samples });
     }
 }
 

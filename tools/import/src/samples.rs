@@ -2,6 +2,7 @@
 
 use crate::axes::{self, Sense, Turn};
 use crate::recording::{Part, Reader, Recording};
+use crate::rotation::Rotation;
 use crate::stream::StreamSurvey;
 use crate::table::GUESSED;
 use navfuse_core::model::stream::StreamError;
@@ -33,7 +34,9 @@ const DRIVING: [&str; 2] = ["imu", "ahrs"];
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
     /// The axes forward, right, down.
-    axes: Option<[String; 3]>,
+    pub axes: Option<[String; 3]>,
+    /// The turn of a table's samples by any angle, before these axes.
+    pub rotation: Option<Rotation>,
     /// Set if rates are in deg/s.
     degrees: bool,
     /// Set if rates, and specific forces, are negative.
@@ -78,7 +81,7 @@ impl Samples {
     }
 }
 
-fn find<'a>(streams: &'a [StreamSurvey], name: &str) -> Option<&'a StreamSurvey> {
+pub fn find<'a>(streams: &'a [StreamSurvey], name: &str) -> Option<&'a StreamSurvey> {
     streams.iter().find(|s| s.sensor == name)
 }
 
@@ -91,6 +94,8 @@ fn is_apart(streams: &[StreamSurvey], stream: &StreamSurvey) -> bool {
 impl Recording {
     /// Changes the description by what the samples show; `true` if it changed.
     pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
+        // as the file has them: clocks may fit such velocities at a wrong offset
+        self.earth = self.earth.or_else(|| find(streams, "dvl").and_then(|s| s.earth));
         let turned = self.level(streams) | self.scale_rates(streams) | self.date(streams);
         // the attitude is along the axes of the IMU, and a sensor without samples shows nothing
         let changed = turned || self.leave_rates(streams) || self.take_attitude(streams);
@@ -99,14 +104,17 @@ impl Recording {
         changed
             || self.turn_depth(streams)
             || self.turn_log(streams)
+            || self.exchange(streams)
             || self.reorder(streams)
             || self.shift(streams)
+            || self.level_freely(streams)
             || self.right_senses(streams)
             || self.turn(streams)
+            || self.turn_freely(streams)
             || self.mount(streams)
     }
 
-    fn part_mut(&mut self, name: &str) -> Option<&mut Part> {
+    pub fn part_mut(&mut self, name: &str) -> Option<&mut Part> {
         self.parts.iter_mut().find(|part| part.name == name)
     }
 
@@ -259,7 +267,7 @@ impl Recording {
     }
 
     /// Tests whether the vehicle may move sideways, so that its course is no heading.
-    fn moves_sideways(&self) -> bool {
+    pub fn moves_sideways(&self) -> bool {
         ["dvl", "compass"].iter().any(|name| self.part(name).is_some())
     }
 
@@ -301,7 +309,7 @@ impl Recording {
         true
     }
 
-    fn ask(&mut self, question: &str) {
+    pub fn ask(&mut self, question: &str) {
         if let Some(part) = self.part_mut("imu") {
             part.found.questions.push(question.to_owned());
         }

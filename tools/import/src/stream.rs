@@ -2,6 +2,7 @@
 
 use crate::axes::{self, Mounted, Senses, Turn};
 use crate::clocks::{self, ClockOffset, Measured};
+use crate::earth;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
@@ -60,6 +61,11 @@ pub struct StreamSurvey {
     pub turn: Option<Turn>,
     /// The turn and the senses of the IMU against the course of a receiver.
     pub course: Option<Mounted>,
+    /// Set if the course of a receiver turns as if east and north were exchanged: by the turns alone, and
+    /// by the accelerations too.
+    pub mirrored: [bool; 2],
+    /// Set for a velocity log whose velocities are along north and east; `false` for east and north.
+    pub earth: Option<bool>,
     /// Correlation of the third velocity of a log with the rate of the depth.
     pub sinks: Option<f64>,
 }
@@ -258,6 +264,14 @@ impl Running {
         }
     }
 
+    /// The factors of the velocities east and north of a position whose latitude and longitude are
+    /// exchanged: a degree along each has other metres then.
+    fn exchanged(&self) -> [f64; 2] {
+        let Motion::Place(_, [lat, lon], _) = self.motion else { return [1.0; 2] };
+        let cos = |k: usize| self.sums[k].mean.cos().max(0.01);
+        [1.0 / cos(lat), cos(lon)]
+    }
+
     /// The mean of the specific force, or of its increments.
     fn force(&self) -> Option<[f64; 3]> {
         let Motion::Inertial(_, [_, first], _) = self.motion else { return None };
@@ -348,6 +362,8 @@ pub fn survey(
                 clock: None,
                 turn: None,
                 course: None,
+                mirrored: [false; 2],
+                earth: None,
                 sinks: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
@@ -419,9 +435,12 @@ fn compare(running: &mut [Running]) {
         match (force, measured) {
             (Some(force), Measured::Ground(rows)) => {
                 one.survey.course = axes::against_course(&imu, force, rows);
+                one.survey.mirrored = axes::is_mirrored(&imu, force, rows, one.exchanged());
             }
             (Some(force), Measured::Velocity(rows)) => {
                 one.survey.turn = axes::of_log(imu.as_they_are(), force, rows);
+                let down = axes::down(force);
+                one.survey.earth = down.and_then(|d| earth::turns(imu.as_they_are(), d, rows));
             }
             _ => {}
         }

@@ -1,5 +1,6 @@
 //! Logs of vehicles and inertial units: the messages by which each sensor is recognised.
 
+use crate::class::{self, FixClass};
 use crate::found::Found;
 use navfuse_core::document::quoted;
 use navfuse_frames::Stamp;
@@ -28,9 +29,23 @@ const CHOICES: [Choice; 6] = [
             ("VNIMU", None),
             ("VNYMR", None),
             ("IMU", None),
+            ("IMU_SHORT", None),
+            ("IMU_DATA", None),
+            ("VN-DELTA", None),
+            ("VN-IMU", None),
+            ("MIP-IMU", None),
+            ("MIP-DELTA", None),
         ],
     ),
-    ("dvl", &[("VISION_POSITION_DELTA", None), ("VISO", None), ("NUCLEUS-BOTTOM-TRACK", None)]),
+    (
+        "dvl",
+        &[
+            ("VISION_POSITION_DELTA", None),
+            ("VISO", None),
+            ("NUCLEUS-BOTTOM-TRACK", None),
+            ("DVL_BOTTOM_TRACK", None),
+        ],
+    ),
     (
         "depth",
         &[
@@ -38,6 +53,7 @@ const CHOICES: [Choice; 6] = [
             ("SCALED_PRESSURE3", None),
             ("BARO", None),
             ("NUCLEUS-AHRS", None),
+            ("DEPTH", None),
         ],
     ),
     (
@@ -52,6 +68,9 @@ const CHOICES: [Choice; 6] = [
             ("PVTGeodetic", None),
             ("BESTPOS", Some("BESTVEL")),
             ("VNGPS", None),
+            ("GPS1_POS", Some("GPS1_VEL")),
+            ("VN-GPS", None),
+            ("MIP-GNSS", None),
         ],
     ),
     (
@@ -66,17 +85,28 @@ const CHOICES: [Choice; 6] = [
             ("INSPVAS", None),
             ("VNINS", None),
             ("SBET", None),
+            ("EKF_NAV", Some("EKF_EULER")),
+            ("VN-INS", None),
+            ("MIP-FILTER", None),
         ],
     ),
     (
         "attitude",
-        &[("vehicle_attitude", None), ("ATTITUDE", None), ("ATT", None), ("NUCLEUS-AHRS", None)],
+        &[
+            ("vehicle_attitude", None),
+            ("ATTITUDE", None),
+            ("ATT", None),
+            ("NUCLEUS-AHRS", None),
+            ("EKF_EULER", None),
+            ("VN-ATTITUDE", None),
+            ("MIP-FILTER", None),
+        ],
     ),
 ];
 /// The messages with increments instead of rates; `IMU` of KF-GINS alone.
-const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "PSINS"];
+const INCREMENTS: [&str; 5] = ["RAWIMUSX", "RAWIMUX", "PSINS", "VN-DELTA", "MIP-DELTA"];
 /// The receivers with a velocity.
-const MOVING: [&str; 8] = [
+const MOVING: [&str; 10] = [
     "sensor_gps",
     "vehicle_gps_position",
     "GPS_RAW_INT",
@@ -85,9 +115,15 @@ const MOVING: [&str; 8] = [
     "NAV-PVT",
     "PVTGeodetic",
     "VNGPS",
+    "VN-GPS",
+    "MIP-GNSS",
 ];
+/// The messages that complete a receiver with a velocity.
+const VELOCITIES: [&str; 2] = ["BESTVEL", "GPS1_VEL"];
 /// The logs of NovAtel without gravity and without the Earth's rate.
 const CORRECTED: [&str; 4] = ["CORRIMUDATA", "CORRIMUDATAS", "CORRIMUS", "IMURATECORRIMUS"];
+/// Least number of logs with wrong checksums.
+const LOGS: usize = 3;
 /// Seconds of a week, and the intervals, s, at which an inertial unit may write.
 const WEEK: f64 = 604_800.0;
 const INTERVALS: std::ops::RangeInclusive<f64> = 2e-4..=1.0;
@@ -99,6 +135,8 @@ struct Seen<'a> {
     topic: &'a Topic,
     /// Set if a message has a measurement: a place other than 0 N 0 E, a fix, a pressure of water.
     measures: bool,
+    /// The best class of its fixes.
+    class: Option<FixClass>,
 }
 
 /// Tests whether a message measures anything, as far as its fields show it.
@@ -117,28 +155,43 @@ fn measures(topic: &Topic, values: &[f64]) -> bool {
     fixed && valid && pressure.is_none_or(|pressure| pressure > WET)
 }
 
-/// The sensors in the beginning of the log of a vehicle, and notes.
-pub fn sensors(format: Format, beginning: Vec<u8>, notes: &mut Vec<String>) -> Vec<Found> {
+/// The class of a fix.
+fn class(topic: &Topic, values: &[f64]) -> Option<FixClass> {
+    let (field, codes) = class::of_message(&topic.name)?;
+    let k = topic.fields.iter().position(|f| f == field)?;
+    class::of(codes, *values.get(k)?)
+}
+
+/// The sensors in the beginning of the log of a vehicle, whose checksums may be ignored, and notes.
+pub fn sensors(
+    format: Format,
+    beginning: Vec<u8>,
+    unchecked: bool,
+    notes: &mut Vec<String>,
+) -> Vec<Found> {
     // with this interval the stamps of messages without a time are their number
-    let options = Options { interval: Some(1), ..Options::default() };
+    let options = Options { interval: Some(1), unchecked, ..Options::default() };
     let mut decoder = format.decoder(Cursor::new(beginning), &options);
     // a topic of ULog may be subscribed without a message
-    let (mut values, mut seen, mut counted) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut values, mut counted) = (Vec::new(), Vec::new());
+    let mut seen: Vec<Option<(bool, Option<FixClass>)>> = Vec::new();
     while let Ok(Some(record)) = decoder.next(&mut values) {
         if seen.len() <= record.topic {
             seen.resize(record.topic + 1, None);
         }
         let measures = || measures(&decoder.topics()[record.topic], &values);
-        let before = seen[record.topic].unwrap_or_default();
-        seen[record.topic] = Some(before || measures());
+        let class = class(&decoder.topics()[record.topic], &values);
+        let (before, best) = seen[record.topic].unwrap_or_default();
+        seen[record.topic] = Some((before || measures(), best.max(class)));
         let week = decoder.topics()[record.topic].fields.first().is_some_and(|f| f == "tow");
         if let (true, Stamp::Date(count)) = (week && format == Format::Vectornav, record.stamp) {
             counted.push((count, values[0]));
         }
     }
     let topics = decoder.topics().iter().zip(&seen);
-    let topics: Vec<Seen<'_>> =
-        topics.filter_map(|(topic, seen)| seen.map(|measures| Seen { topic, measures })).collect();
+    let topics: Vec<Seen<'_>> = topics
+        .filter_map(|(topic, seen)| seen.map(|(measures, class)| Seen { topic, measures, class }))
+        .collect();
     let sensors = CHOICES.iter().filter_map(|choice| sensor(format, choice, &topics, notes));
     let mut sensors: Vec<Found> = sensors.collect();
     let corrected = topics.iter().filter(|t| CORRECTED.contains(&t.topic.name.as_str()));
@@ -150,6 +203,26 @@ pub fn sensors(format: Format, beginning: Vec<u8>, notes: &mut Vec<String>) -> V
         first.source.push(format!("interval = \"{interval:.9} s\""));
     }
     sensors
+}
+
+/// The sensors of logs of NovAtel in text whose checksums are always wrong; `None` for other files.
+pub fn unchecked(beginning: &[u8], notes: &mut Vec<String>) -> Option<Vec<Found>> {
+    let options = Options { unchecked: true, ..Options::default() };
+    let mut decoder = Format::Novatel.decoder(Cursor::new(beginning.to_vec()), &options);
+    let mut values = Vec::new();
+    let count = (0..).take_while(|_| matches!(decoder.next(&mut values), Ok(Some(_)))).count();
+    if count < LOGS || 2 * decoder.damage().intact_bytes() < beginning.len() as u64 {
+        return None;
+    }
+    let mut found = sensors(Format::Novatel, beginning.to_vec(), true, notes);
+    let first = found.first_mut()?;
+    first.source.push("checksum = \"ignore\"".to_owned());
+    first.questions.push(
+        "the checksums of its logs are always wrong: they are not compared, so that damaged logs are \
+         used too"
+            .to_owned(),
+    );
+    Some(found)
 }
 
 /// The interval, s, of messages without a time, by the numbers of messages at seconds of the week.
@@ -206,6 +279,8 @@ fn sensor(
         // it has the time of the message before it, and is late by what the receiver needs
         sensor.push("time_offset = { sigma = \"0.1 s\" }".to_owned());
     }
-    let velocity = MOVING.contains(message) || with == Some("BESTVEL");
-    Some(Found { kind, sensor, source: vec![text], questions, velocity })
+    let velocity = MOVING.contains(message) || with.is_some_and(|w| VELOCITIES.contains(&w));
+    let used = same().find(|t| Some(&t.topic.instance) == instances.first());
+    let class = used.and_then(|t| t.class).filter(|_| *kind == "gnss");
+    Some(Found { kind, sensor, source: vec![text], questions, velocity, class, ..Found::default() })
 }

@@ -27,6 +27,8 @@ pub struct ChannelCell {
     axis: usize,
     /// Column of the course.
     course: Option<usize>,
+    /// Column that is added.
+    plus: Option<usize>,
     /// Column of the northing of a position on a map, and its zone.
     map: Option<(usize, Zone)>,
     /// Pressure at the surface, Pa, and pascals of one metre of water, for a depth from a pressure.
@@ -59,7 +61,10 @@ impl ChannelCell {
             return Some(if number(0) == 0.0 { f64::NAN } else { place[self.axis] });
         }
         let number = match self.notation {
-            Notation::Decimal => number(0) * self.along(record),
+            Notation::Decimal => {
+                let plus = self.plus.map_or(0.0, |column| parsed(text(column)));
+                (number(0) + plus) * self.along(record)
+            }
             Notation::DegreesMinutes => {
                 let degrees = (number(0) / 100.0).trunc();
                 degrees + (number(0) - 100.0 * degrees) / 60.0
@@ -199,6 +204,7 @@ pub fn channel_cells(
         };
         let course = course.map(index).transpose()?;
         let north = given.and_then(|g| g.north.as_ref()).map(index).transpose()?;
+        let plus = given.and_then(|g| g.plus.as_ref()).map(index).transpose()?;
         let unknown = || format!("{key}: a zone such as \"32N\" needs `north`, and `north` a zone");
         let zone = zone.map(Zone::parse);
         let map = match (north, zone) {
@@ -207,8 +213,18 @@ pub fn channel_cells(
             _ => return Err(StreamError::scenario(unknown())),
         };
         let (column, unit) = (found.index, found.unit);
-        let cell =
-            ChannelCell { channel, column, unit, scale, notation, axis, course, map, pressure };
+        let cell = ChannelCell {
+            channel,
+            column,
+            unit,
+            scale,
+            notation,
+            axis,
+            course,
+            plus,
+            map,
+            pressure,
+        };
         cells.push(cell);
     }
     Ok(cells)

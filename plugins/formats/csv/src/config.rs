@@ -1,6 +1,8 @@
 //! The parameters of the source.
 
-use navfuse_core::units::{Date, Density, Duration, Pressure, Ratio, Unit, parse_unit};
+use navfuse_core::units::{
+    Angle, Date, Density, Duration, Pressure, Ratio, Triple, Unit, parse_unit,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -37,6 +39,12 @@ pub struct Csv {
 pub struct FileConfig {
     /// The file, absolute or relative to the directory. Default: NAME.csv.
     pub path: Option<PathBuf>,
+    /// Files of the same form that go on where the one before ends, for a recording that was split by
+    /// time. Default: none.
+    pub then: Vec<PathBuf>,
+    /// Roll, pitch and yaw of the sensor's axes in the vehicle's, both forward, right, down. Every three
+    /// channels along `x`, `y` and `z` are turned by it. Default: zero.
+    pub rotation: Option<Triple<Angle>>,
     /// The column of the time. Default: time_s, or time with another unit of time.
     pub time: Named<TimeColumn>,
     /// The columns of the channels, by the name of the channel. Default: the name of the channel
@@ -77,6 +85,8 @@ impl Default for FileConfig {
     fn default() -> Self {
         Self {
             path: None,
+            then: Vec::new(),
+            rotation: None,
             time: Named::default(),
             columns: BTreeMap::new(),
             delimiter: Delimiter::default(),
@@ -164,6 +174,9 @@ pub struct Column {
     pub atmosphere: Option<Pressure>,
     /// Density of the water, for this depth. Default: 1025 kg/m^3.
     pub density: Option<Density>,
+    /// Heading of a column in the same unit that is added, such as the height of the geoid beside a
+    /// height above it. Default: none.
+    pub plus: Option<String>,
     /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
     /// Notation of a position: `decimal` (default), `degrees-minutes`, `degrees-minutes-seconds` or

@@ -22,6 +22,7 @@ mod headings;
 mod join;
 mod labelled;
 mod map;
+mod sequence;
 pub mod sink;
 mod source;
 mod stamp;
@@ -30,6 +31,7 @@ mod table;
 mod tail;
 mod text;
 mod time;
+mod turned;
 mod unused;
 mod utf16;
 

@@ -2,6 +2,7 @@
 
 use crate::config::{Csv, FileConfig};
 use crate::join::Joined;
+use crate::sequence::Sequence;
 use crate::stream::{Stream, absolute};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
@@ -37,6 +38,16 @@ impl SourceType for Csv {
             if needed || (!named && path.exists()) {
                 let about = (SensorId(index), &sensor.info);
                 streams.push(match self.more.get(&sensor.info.name) {
+                    Some(more) if !(config.then.is_empty() && more.then.is_empty()) => {
+                        let name = &sensor.info.name;
+                        let text = format!("files.{name}.then goes without more.{name}");
+                        return Err(StreamError::scenario(text));
+                    }
+                    None if !config.then.is_empty() => {
+                        let then = config.then.iter().map(|path| folder.join(path));
+                        let paths = std::iter::once(path).chain(then).collect();
+                        Box::new(Sequence::open(paths, &config, about)?)
+                    }
                     Some(more) => {
                         Box::new(Joined::open([&path, &second(more)?], [&config, more], about)?)
                     }

@@ -8,6 +8,7 @@ use crate::stamp::TimeCell;
 use crate::tail;
 use crate::text::text;
 use crate::time::{self, TimeError};
+use crate::turned::Turned;
 use crate::unused::{Status, Tally, Unused};
 use csv::{ByteRecord, Reader, ReaderBuilder};
 use navfuse_core::model::record::{Event, Level};
@@ -58,6 +59,7 @@ pub struct Stream {
     /// Texts of the cells that a row must have, by column.
     rows: Vec<(usize, String)>,
     judge: Judge,
+    turned: Turned,
     status: Status,
     /// A note on the channels without a column.
     note: Option<(Level, String)>,
@@ -147,6 +149,7 @@ impl Stream {
             channels,
             rows,
             judge: Judge::new(info),
+            turned: Turned::new(config, info),
             status,
             note,
             disorder: config.disorder,
@@ -273,6 +276,7 @@ impl Stream {
                 Some(_) => self.no_number(channel.column)?,
             }
         }
+        self.turned.apply(sample);
         if time.nanos() == 0 && self.end.is_some_and(|end| end > DATED) {
             return Ok(Row::Unused(Unused::NoStamp));
         }

@@ -1,7 +1,7 @@
 //! The parameters of the source.
 
 use navfuse_core::units::Angle;
-use navfuse_frames::{Sentences, TimeConfig};
+use navfuse_frames::{ChecksumUse, TimeConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -49,25 +49,4 @@ pub struct Nmea {
     /// The clock of the recording.
     #[serde(default)]
     pub time: TimeConfig,
-}
-
-/// Treatment of the checksums.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum ChecksumUse {
-    /// A sentence with a wrong checksum is left out.
-    #[default]
-    Check,
-    /// A sentence is used whatever its checksum.
-    Ignore,
-}
-
-impl ChecksumUse {
-    /// The framing of the sentences.
-    pub(crate) fn framing(self) -> Sentences {
-        match self {
-            Self::Check => Sentences::NMEA,
-            Self::Ignore => Sentences::NMEA_UNCHECKED,
-        }
-    }
 }

@@ -28,8 +28,8 @@ impl Nmea {
         let receivers = targets(&self, context)?.into_iter().map(receiver);
         Ok(Box::new(Connected {
             receivers: receivers.collect::<Result<_, _>>()?,
-            frames: Frames::new(reader, self.checksum.framing()),
-            framing: self.checksum.framing(),
+            frames: Frames::new(reader, self.checksum.sentences()),
+            framing: self.checksum.sentences(),
             talker: self.talker,
             port: self.file,
             ended: false,

@@ -28,7 +28,8 @@ mod vessel;
 pub mod writing;
 
 pub use beacon::Beacon;
-pub use config::{ChecksumUse, Nmea};
+pub use config::Nmea;
+pub use navfuse_frames::ChecksumUse;
 pub use sentence::{Sentence, parse};
 pub use vessel::Axes;
 

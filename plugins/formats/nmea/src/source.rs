@@ -28,7 +28,7 @@ impl SourceType for Nmea {
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let targets = targets(&self, context)?;
         let path = context.base.join(&self.file);
-        let framing = self.checksum.framing();
+        let framing = self.checksum.sentences();
         let dates = first_date(&path, framing)?;
         let mut sources: Vec<Box<dyn Source>> = Vec::new();
         for target in targets {

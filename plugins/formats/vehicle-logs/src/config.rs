@@ -2,14 +2,15 @@
 
 use crate::format::Format;
 use navfuse_core::units::{Duration, Positive};
-use navfuse_frames::TimeConfig;
+use navfuse_frames::{ChecksumUse, TimeConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Reads the log of an autopilot or of an inertial unit: PX4 ULog, ArduPilot DataFlash, MAVLink
-/// telemetry log, NovAtel, VectorNav, u-blox, Septentrio, Nortek Nucleus, KF-GINS, PSINS, SBET.
+/// telemetry log, NovAtel, VectorNav, SBG, MicroStrain, u-blox, Septentrio, Nortek Nucleus, KF-GINS,
+/// PSINS, SBET.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleLog {
@@ -31,6 +32,10 @@ pub struct VehicleLog {
     /// Number of the inertial unit in NovAtel's list, for RAWIMU and RAWIMUS, which do not have it.
     /// Default: none.
     pub unit: Option<u32>,
+    /// Checksums of NovAtel's logs in text: `check` (default), or `ignore` for a program that writes
+    /// wrong ones. The logs with a wrong one are counted.
+    #[serde(default)]
+    pub checksum: ChecksumUse,
     /// The clock of the log.
     #[serde(default)]
     pub time: TimeConfig,

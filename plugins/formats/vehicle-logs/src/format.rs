@@ -3,14 +3,17 @@
 use crate::dataflash::Dataflash;
 use crate::doubles::{Doubles, KF_GINS, SBET};
 use crate::mavlink::Tlog;
+use crate::mip::Mip;
 use crate::novatel::Novatel;
 use crate::nucleus::Nucleus;
 use crate::psins::Psins;
 use crate::record::{Decoder, Options};
+use crate::sbg::Sbg;
 use crate::septentrio::Septentrio;
 use crate::ublox::Ublox;
 use crate::ulog::Ulog;
 use crate::vectornav::Vectornav;
+use crate::vectornav_binary::VectornavBinary;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::io::{Cursor, Read};
@@ -42,11 +45,17 @@ pub enum Format {
     Nucleus,
     /// Text of PSINS (`.imu`).
     Psins,
+    /// Binary logs of SBG (sbgECom).
+    SbgEcom,
+    /// Binary messages of VectorNav units.
+    VectornavBinary,
+    /// Packets of MicroStrain (MIP).
+    Mip,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 14] = [
         Self::Ulog,
         Self::Tlog,
         Self::Novatel,
@@ -58,6 +67,9 @@ impl Format {
         Self::Sbf,
         Self::Nucleus,
         Self::Psins,
+        Self::SbgEcom,
+        Self::VectornavBinary,
+        Self::Mip,
     ];
 
     /// The name in a scenario.
@@ -74,14 +86,23 @@ impl Format {
             Self::Sbf => "sbf",
             Self::Nucleus => "nucleus",
             Self::Psins => "psins",
+            Self::SbgEcom => "sbg-ecom",
+            Self::VectornavBinary => "vectornav-binary",
+            Self::Mip => "mip",
         }
     }
 
     /// The word for one of its messages in a report.
     pub fn record(self) -> &'static str {
         match self {
-            Self::Ulog | Self::Tlog | Self::Vectornav | Self::Dataflash | Self::Ubx => "message",
-            Self::Novatel => "log",
+            Self::Ulog
+            | Self::Tlog
+            | Self::Vectornav
+            | Self::VectornavBinary
+            | Self::Dataflash
+            | Self::Ubx => "message",
+            Self::Novatel | Self::SbgEcom => "log",
+            Self::Mip => "packet",
             Self::Sbet | Self::KfGins | Self::Nucleus => "record",
             Self::Sbf => "block",
             Self::Psins => "line",
@@ -107,6 +128,9 @@ impl Format {
             Self::Sbf => Box::new(Septentrio::new(reader, options)),
             Self::Nucleus => Box::new(Nucleus::new(reader, options)),
             Self::Psins => Box::new(Psins::new(reader)),
+            Self::SbgEcom => Box::new(Sbg::new(reader, options)),
+            Self::VectornavBinary => Box::new(VectornavBinary::new(reader, options)),
+            Self::Mip => Box::new(Mip::new(reader, options)),
         }
     }
 

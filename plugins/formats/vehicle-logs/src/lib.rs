@@ -13,6 +13,9 @@
 //! | `sbf` | receivers of Septentrio | PVTGeodetic, AttEuler, ExtSensorMeas |
 //! | `nucleus` | Nortek Nucleus | inertial unit, attitude, depth, bottom and water track |
 //! | `psins` | PSINS, text | increments of an inertial unit |
+//! | `sbg-ecom` | inertial units of SBG | inertial unit, receivers, velocity log, depth, solution |
+//! | `vectornav-binary` | VectorNav, binary | inertial unit, receivers, solution |
+//! | `mip` | MicroStrain | inertial unit, receivers, solution |
 //!
 //! The source [`VehicleLog`] gives the samples of a scenario's sensors. A [`Decoder`] gives the
 //! messages of a log to any program:
@@ -31,6 +34,7 @@
 //!
 //! Damaged bytes are skipped and reported with their offset and number; see [`navfuse_frames`].
 
+mod checksum;
 mod config;
 mod dataflash;
 mod doubles;
@@ -38,11 +42,13 @@ mod format;
 mod join;
 mod known;
 mod mavlink;
+mod mip;
 mod novatel;
 mod nucleus;
 mod packed;
 mod psins;
 mod record;
+mod sbg;
 mod septentrio;
 mod source;
 mod target;
@@ -51,6 +57,7 @@ mod text;
 mod ublox;
 mod ulog;
 mod vectornav;
+mod vectornav_binary;
 
 pub use config::{FieldConfig, SensorConfig, StampUse, VehicleLog};
 pub use format::Format;

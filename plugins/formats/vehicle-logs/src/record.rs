@@ -73,6 +73,8 @@ pub struct Options {
     pub unit: Option<u32>,
     /// Nanoseconds between two messages, for formats without any time.
     pub interval: Option<i64>,
+    /// Uses logs of NovAtel in text whatever their checksum.
+    pub unchecked: bool,
 }
 
 impl Options {

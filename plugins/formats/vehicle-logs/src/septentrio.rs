@@ -1,6 +1,7 @@
 //! Septentrio SBF: position and velocity (`PVTGeodetic`), attitude (`AttEuler`) and the external
 //! inertial unit (`ExtSensorMeas`).
 
+use crate::checksum::crc16;
 use crate::packed::{Packed, Topics};
 use crate::record::{Decoder, Options, Record, Topic};
 use crate::text::gps;
@@ -82,19 +83,10 @@ impl Framing for Blocks {
         }
         match bytes.get(4..size) {
             None => Judgement::Incomplete,
-            Some(checked) if checksum(checked) == two(2) => Judgement::Frame(size),
+            Some(checked) if crc16(checked) == two(2) => Judgement::Frame(size),
             Some(_) => Judgement::Rejected(Fault::Checksum),
         }
     }
-}
-
-/// The CRC-16 with the polynomial 0x1021, start 0, not reflected.
-fn checksum(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0, |crc, byte| {
-        (0..8).fold(crc ^ u16::from(*byte) << 8, |c: u16, _| {
-            if c & 0x8000 == 0 { c << 1 } else { (c << 1) ^ 0x1021 }
-        })
-    })
 }
 
 /// The reader of SBF.

@@ -9,7 +9,7 @@ use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
-use navfuse_frames::{Clock, Count, Stamp, TimeConfig, open, recognise};
+use navfuse_frames::{ChecksumUse, Clock, Count, Stamp, TimeConfig, open, recognise};
 use std::path::PathBuf;
 
 /// Largest number of messages that an error lists.
@@ -41,6 +41,7 @@ impl SourceType for VehicleLog {
                     .and_then(|i| Span::from_seconds(i.value().si()))
                     .map(Span::nanos),
                 unit: self.unit,
+                unchecked: self.checksum == ChecksumUse::Ignore,
             };
             let mut stream = Stream {
                 decoder: format.decoder(open(&path)?, &options),
@@ -75,11 +76,20 @@ impl VehicleLog {
                 "the format has no time",
                 "set the time between two messages, such as interval = \"5 ms\"",
             ),
-            Format::Ulog | Format::Dataflash | Format::Vectornav if self.time.origin.is_some() => (
-                "time.origin",
-                "times of the format count from the start of the vehicle, not from a date",
-                "set time.offset instead",
+            _ if self.checksum == ChecksumUse::Ignore && format != Format::Novatel => (
+                "checksum",
+                "only the text of NovAtel is read with wrong checksums",
+                "remove the key",
             ),
+            Format::Ulog | Format::Dataflash | Format::Vectornav | Format::SbgEcom
+                if self.time.origin.is_some() =>
+            {
+                (
+                    "time.origin",
+                    "times of the format count from the start of the vehicle, not from a date",
+                    "set time.offset instead",
+                )
+            }
             Format::Sbet | Format::KfGins if self.time.origin.is_some() && self.week.is_none() => {
                 ("time.origin", "times of the format are seconds of the GPS week", "set week too")
             }

@@ -4,6 +4,7 @@
 //! `NAV-PVT` has date and time. `ESF-MEAS` has milliseconds of the sensors' own clock: the first one
 //! after a `NAV-PVT` fixes the offset between both.
 
+use crate::checksum::fletcher;
 use crate::packed::{Packed, Topics};
 use crate::record::{Decoder, Options, Record, Topic};
 use navfuse_core::units::calendar::Calendar;
@@ -46,6 +47,8 @@ const KINDS: &[Packed] = &[
             ("sAcc", 68, U32),
             ("numSV", 23, U8),
             ("pDOP", 76, U16),
+            // the carrier phase in the upper two bits: none, real, integer
+            ("carrier", 21, U8),
         ],
     },
     // the place of each of them is its type
@@ -94,14 +97,6 @@ impl Framing for Messages {
             },
         }
     }
-}
-
-/// The two sums of the checksum, modulo 256.
-fn fletcher(bytes: &[u8]) -> [u8; 2] {
-    bytes.iter().fold([0, 0], |[a, b]: [u8; 2], byte| {
-        let a = a.wrapping_add(*byte);
-        [a, b.wrapping_add(a)]
-    })
 }
 
 /// The reader of UBX.
@@ -172,6 +167,9 @@ impl<R: Read + Send> Decoder for Ublox<R> {
                 let ok = payload.get(21).is_some_and(|flags| flags & 1 == 1);
                 if !ok || !FIXED.contains(&payload[20]) {
                     values[0] = 0.0;
+                }
+                if let Some(carrier) = values.last_mut() {
+                    *carrier = f64::from(*carrier as u8 >> 6);
                 }
                 date
             };

@@ -1,6 +1,7 @@
 //! The keys of a scenario about the clock of an instrument.
 
 use crate::clock::{Stamp, Zero};
+use crate::sentences::Sentences;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::time::Time;
@@ -96,6 +97,27 @@ impl Datum {
             latitude: self.latitude.si(),
             longitude: self.longitude.si(),
             height: self.height.si(),
+        }
+    }
+}
+
+/// Treatment of the checksums.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ChecksumUse {
+    /// A frame with a wrong checksum is left out.
+    #[default]
+    Check,
+    /// A frame is used whatever its checksum.
+    Ignore,
+}
+
+impl ChecksumUse {
+    /// The framing of the sentences of NMEA 0183.
+    pub fn sentences(self) -> Sentences {
+        match self {
+            Self::Check => Sentences::NMEA,
+            Self::Ignore => Sentences::NMEA_UNCHECKED,
         }
     }
 }

@@ -23,7 +23,7 @@ pub mod validity;
 mod window;
 
 pub use clock::{Clock, Count, Stamp, Zero};
-pub use config::{Datum, TimeConfig};
+pub use config::{ChecksumUse, Datum, TimeConfig};
 pub use damage::{Damage, Gap};
 pub use file::{open, recognise};
 pub use number::Number;

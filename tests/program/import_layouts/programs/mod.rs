@@ -1,8 +1,10 @@
 //! The files of programs and data sets that a stranger brings, each a kind of its own.
 
+mod binary;
 mod clocks;
 mod folders;
 mod labels;
+pub mod mounted;
 mod positions;
 mod senses;
 mod times;
@@ -187,4 +189,6 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&senses::PROGRAMS)
         .chain(&labels::PROGRAMS)
         .chain(&clocks::PROGRAMS)
+        .chain(&mounted::PROGRAMS)
+        .chain(&binary::PROGRAMS)
 }

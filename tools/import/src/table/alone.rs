@@ -1,8 +1,9 @@
 //! Headings that mean something beside others alone: axes, a height under water, parts of a degree.
 
-use super::columns::{ACCEL, GYRO, Table};
+use super::columns::{ACCEL, Chosen, GYRO, Table};
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
+use navfuse_core::document::quoted;
 
 impl Table<'_> {
     /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
@@ -49,6 +50,25 @@ impl Table<'_> {
         questions.push(format!("the column {heading} is taken for the depth"));
         let key = self.key(meaning.channel, "depth", None, &mut questions)?;
         Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+    }
+
+    /// The column of the height of the geoid, beside a height that is not said to be above the
+    /// ellipsoid.
+    pub(super) fn geoid(&self) -> Option<usize> {
+        let (height, _) = self.find("height")?;
+        let name = vocabulary::words(self.heading(*height)).concat();
+        let ellipsoid = ["ell", "hae", "wgs"].iter().any(|word| name.contains(word));
+        self.find("geoid").map(|(k, _)| *k).filter(|_| !ellipsoid)
+    }
+
+    /// The key of a height above the geoid, whose height above the ellipsoid a column has.
+    pub(super) fn above_geoid(&self, questions: &mut Vec<String>) -> Option<String> {
+        let ((k, meaning), geoid) = (self.find("height")?, self.geoid()?);
+        let (heading, geoid) = (self.heading(*k), self.heading(geoid));
+        questions.push(format!("{heading} counts from the geoid: {geoid} is added"));
+        let unit = meaning.unit.clone().unwrap_or_else(|| "m".to_owned());
+        let (scale, more) = (meaning.sign, format!(", plus = {}", quoted(geoid)));
+        Chosen { heading, unit, scale, minutes: false, more, usual: false }.key("height")
     }
 
     /// The first of three columns with degrees, minutes and seconds of a latitude or longitude.

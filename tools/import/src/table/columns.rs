@@ -40,15 +40,15 @@ pub struct Table<'a> {
 }
 
 /// A column with its unit, for the key of a channel.
-struct Chosen<'a> {
-    heading: &'a str,
-    unit: String,
-    scale: f64,
-    minutes: bool,
+pub(super) struct Chosen<'a> {
+    pub(super) heading: &'a str,
+    pub(super) unit: String,
+    pub(super) scale: f64,
+    pub(super) minutes: bool,
     /// More keys.
-    more: String,
+    pub(super) more: String,
     /// Set if the source finds the column and its unit by itself.
-    usual: bool,
+    pub(super) usual: bool,
 }
 
 impl<'a> Table<'a> {
@@ -151,14 +151,20 @@ impl<'a> Table<'a> {
         if self.has(&["speed"]) && !place {
             sensors.push(self.other("odometer", &["speed"]));
         }
+        if sensors.is_empty() && self.has(&["vel_n", "vel_e"]) {
+            sensors.push(self.other("velocity", &["vel_n", "vel_e", "vel_d", "s_acc"]));
+        }
         if sensors.is_empty() {
             return Err(self.unknown());
         }
+        let seconds = || clock.seconds.iter().copied().filter(|t| t.is_finite());
+        let span = seconds().next().zip(seconds().next_back()).map(|(first, last)| [first, last]);
         for found in &mut sensors {
             let mut source = self.layout.keys();
             source.extend(clock.key.clone());
             source.append(&mut found.source);
             found.source = source;
+            found.span = span;
             found.source.extend(self.valid(found.kind));
             if inertial && found.kind != "imu" && self.repeats(found.kind) {
                 found.source.push("changes_only = true".to_owned());
@@ -181,30 +187,6 @@ impl<'a> Table<'a> {
                 .then(|| format!("valid = {{ column = {}, least = {least:?} }}", quoted(heading)))
         };
         self.layout.headings.iter().enumerate().find_map(found)
-    }
-
-    /// The reason why no sensor is recognised.
-    fn unknown(&self) -> String {
-        if self.easting_and_northing().is_some() {
-            return format!(
-                "its positions are easting and northing on a map, and no column among {} names the \
-                 zone of UTM: add a column `zone` with one such as 32N, or write latitude and \
-                 longitude (cs2cs of PROJ converts them)",
-                self.listed()
-            );
-        }
-        if self.has(&["vel_n", "vel_e"]) {
-            return format!(
-                "its velocities are along north and east, without positions, in the columns {}: \
-                 give positions in the same table, or the velocities of a log along its own axes",
-                self.listed()
-            );
-        }
-        format!(
-            "no sensor is recognised by its columns {}; rename them, such as gyro_x_radps, or map \
-             them with `columns` in a scenario",
-            self.listed()
-        )
     }
 
     /// Tests whether most rows repeat the measurement of the row before.
@@ -303,6 +285,9 @@ impl<'a> Table<'a> {
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
+                (Some(_), "height") if self.geoid().is_some() => {
+                    source.extend(self.above_geoid(&mut questions));
+                }
                 (_, "vel_x" | "vel_y" | "vel_z") if stated.is_none() && kind == "dvl" => {
                     let unit = units::speed(&self.vector(BODY));
                     questions.push(format!("the unit of {heading}: {unit} by its size"));
@@ -320,7 +305,7 @@ impl<'a> Table<'a> {
         let course = if along { self.course() } else { Vec::new() };
         let velocity = self.has(&["vel_n", "vel_e"]) || !course.is_empty();
         source.extend(course);
-        Found { kind, sensor: Vec::new(), source, questions, velocity }
+        Found { kind, source, questions, velocity, ..Found::default() }
     }
 
     /// A depth by the pressure of water; `None` for a pressure of air, and without one.
@@ -411,7 +396,7 @@ fn turned(values: &[f64]) -> &'static str {
 
 impl Chosen<'_> {
     /// The key of a channel; `None` where the source needs none.
-    fn key(&self, channel: &str) -> Option<String> {
+    pub(super) fn key(&self, channel: &str) -> Option<String> {
         if self.usual && self.scale == 1.0 && !self.minutes {
             return None;
         }

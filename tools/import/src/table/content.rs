@@ -2,10 +2,15 @@
 
 use super::columns::{ACCEL, DTHETA, DVEL, GYRO};
 use super::layout::Layout;
+use super::place;
 use super::units::{self, median};
 
+/// What is asked of a table whose columns have no headings.
+pub const BY_CONTENT: &str = "named by their content";
 /// Share of the steps of a time that must be near the usual one.
 const EVEN: f64 = 0.8;
+/// Distance of a median norm from gravity, as a part of it, that accelerometers keep.
+const NEAR: f64 = 0.05;
 /// Relative spread of a norm that is gravity.
 const STEADY: f64 = 0.3;
 
@@ -53,7 +58,7 @@ fn lopsided(columns: &[Vec<f64>], first: usize) -> f64 {
 /// The headings of a table without, of an inertial unit or of positions, and a question.
 pub fn headings(layout: &Layout) -> Option<(Vec<String>, String)> {
     let names = names(layout)?;
-    let question = format!("the columns are named by their content: {}", names.join(", "));
+    let question = format!("the columns are {BY_CONTENT}: {}", names.join(", "));
     Some((names, question))
 }
 
@@ -70,14 +75,18 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
     let free = |first: usize| (first..first + 3).all(|k| k != time);
     let change = |v: &[f64]| v[0] != v[1] && v[0].is_finite();
     let moves = |first: usize| (first..first + 3).all(|k| columns[k].windows(2).any(change));
-    let triples = || (0..width.saturating_sub(2)).filter(|k| free(*k) && moves(*k));
+    let apart = |first: usize| !(first..first + 3).any(|k| place::in_quaternion(&columns, k));
+    let triples = || (0..width.saturating_sub(2)).filter(|k| free(*k) && moves(*k) && apart(*k));
     let gravity = |first: usize| {
         let norms = norms(&columns, first);
         let middle = median(norms.iter().copied());
         let spread = median(norms.iter().map(|n| (n - middle).abs())) / middle;
         let rows = units::rows([&columns[first], &columns[first + 1], &columns[first + 2]]);
-        let unit = units::accel(&rows, step).ok().filter(|_| spread < STEADY);
-        unit.map(|(_, increments)| increments)
+        let (decided, increments) = units::accel(&rows, step).ok().filter(|_| spread < STEADY)?;
+        // its distance from gravity: angles may have a norm near one by chance
+        let per = if increments { step } else { 1.0 };
+        let size = middle / per * units::factor(&decided.unit);
+        Some((increments, (size / units::GRAVITY).ln().abs()))
     };
     let mut names: Vec<String> = (1..=width).map(|k| format!("column_{k}")).collect();
     match nanos {
@@ -91,33 +100,39 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
             names[first + k] = (*channel).to_owned();
         }
     };
-    if let Some(place) = (time + 1..width.saturating_sub(2)).find(|k| is_place(&columns, *k)) {
-        name(place, ["lat", "lon", "height"]);
-        return Some(names);
-    }
-    let (accel, increments) = triples().find_map(|k| Some((k, gravity(k)?)))?;
-    let gyro = {
+    let forces = || triples().filter_map(|k| Some((k, gravity(k)?)));
+    let near = forces().find(|(_, (_, distance))| *distance < NEAR);
+    let inertial = near.or_else(|| forces().next()).map(|(k, (increments, _))| (k, increments));
+    let usual = if inertial.is_some() { units::IMU_INTERVAL } else { units::AID_INTERVAL };
+    let unit = units::factor(&units::time(&columns[time], usual)?.unit);
+    let seconds: Vec<f64> = columns[time].iter().map(|t| t * unit).collect();
+    let place = (0..width.saturating_sub(2)).filter(|k| free(*k));
+    let place = place.filter_map(|k| Some((k, place::order(&seconds, &columns, k)?)));
+    let found = || place.clone().next();
+    // beside an inertial unit, columns of angles may resemble a place
+    let far = place.clone().find(|(k, _)| place::is_far(&columns, *k));
+    let beside_place = |k: usize| found().is_none_or(|(place, _)| k.abs_diff(place) >= 3);
+    let gyro = |accel: usize| {
         let beside = [accel.checked_sub(3), Some(accel + 3)].into_iter().flatten();
-        let fits = beside.filter(|k| k + 3 <= width && free(*k) && moves(*k));
+        let fits = |k: &usize| *k + 3 <= width && free(*k) && moves(*k) && apart(*k);
+        let fits = beside.filter(fits).filter(|k| beside_place(*k));
         let least =
             |a: &usize, b: &usize| lopsided(&columns, *a).total_cmp(&lopsided(&columns, *b));
-        let others = || triples().filter(|k| k.abs_diff(accel) >= 3).min_by(least);
-        fits.min_by(least).or_else(others)?
+        let other = |k: &usize| k.abs_diff(accel) >= 3 && beside_place(*k);
+        fits.min_by(least).or_else(|| triples().filter(other).min_by(least))
+    };
+    let inertial = inertial.filter(|(accel, _)| beside_place(*accel));
+    let unit = inertial.and_then(|(accel, increments)| Some((accel, gyro(accel)?, increments)));
+    let Some((accel, gyro, increments)) = unit else {
+        let (first, channels) = found()?;
+        name(first, channels);
+        return Some(names);
     };
     name(accel, if increments { DVEL } else { ACCEL });
     name(gyro, if increments { DTHETA } else { GYRO });
+    let apart = |k: usize| [accel, gyro].iter().all(|other| k.abs_diff(*other) >= 3);
+    if let Some((first, channels)) = far.filter(|(k, _)| apart(*k)) {
+        name(first, channels);
+    }
     Some(names)
-}
-
-/// Tests whether three columns are latitude, longitude and height: the first two are far from zero
-/// and change by little.
-fn is_place(columns: &[Vec<f64>], first: usize) -> bool {
-    let [lat, lon, height] = [0, 1, 2].map(|k| &columns[first + k]);
-    let within = |values: &[f64], most: f64| values.iter().all(|v| v.abs() <= most);
-    let slow = |values: &[f64]| {
-        let step = median(values.windows(2).map(|v| (v[1] - v[0]).abs()));
-        let size = median(values.iter().map(|v| v.abs()));
-        step < 1e-3 && size > 1e3 * step && values.iter().any(|v| v.fract() != 0.0)
-    };
-    within(lat, 90.0) && within(lon, 360.0) && within(height, 2e4) && slow(lat) && slow(lon)
 }

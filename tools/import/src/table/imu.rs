@@ -31,7 +31,7 @@ impl Table<'_> {
         }
         let sensor =
             if increments { vec!["output = \"increments\"".to_owned()] } else { Vec::new() };
-        Ok(Found { kind: "imu", sensor, source, questions, velocity: false })
+        Ok(Found { kind: "imu", sensor, source, questions, ..Found::default() })
     }
 
     /// The gyros or the accelerometers of an inertial unit whose other half is in another file.

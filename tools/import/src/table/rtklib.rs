@@ -1,6 +1,7 @@
 //! Solutions of RTKLIB: their times and positions in any of its forms.
 
 use super::layout::Layout;
+use crate::class;
 use crate::found::Found;
 use navfuse_core::document::quoted;
 
@@ -92,7 +93,11 @@ pub fn solution(beginning: &str) -> Option<Found> {
     ];
     source.extend(columns(&names));
     let velocity = names.iter().any(|name| name == "vel_n_mps");
-    Some(Found { kind: "gnss", source, velocity, ..Found::default() })
+    // Q, whose place is the same in all rows
+    let quality = names.iter().position(|name| name == "Q").map(|k| layout.column(k));
+    let codes = quality.unwrap_or_default();
+    let class = codes.into_iter().filter_map(|q| class::of(class::RTKLIB, q)).max();
+    Some(Found { kind: "gnss", source, velocity, class, ..Found::default() })
 }
 
 /// The heading of a title whose column is one cell.

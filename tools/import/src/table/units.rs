@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::RangeInclusive;
 
 /// Standard gravity, m/s^2.
-const GRAVITY: f64 = 9.806_65;
+pub const GRAVITY: f64 = 9.806_65;
 /// Range of a median norm, in units of gravity, that is gravity.
 const NEAR: RangeInclusive<f64> = 0.8..=1.25;
 /// Scatter of a norm, as a part of it, that is no gravity.

@@ -1,9 +1,10 @@
 //! The channels of ArduPilot DataFlash, u-blox, Nortek Nucleus and PSINS.
 
-use super::{
-    DEGREE, E7, Entry, INCREMENTS, Known, OWN, PASCAL, SEA_LEVEL, Term, attitude, entry, field,
-    inertial, known, unless, valid,
+use super::entries::{
+    DEGREE, E7, Entry, INCREMENTS, Known, OWN, PASCAL, SEA_LEVEL, attitude, entry, field, inertial,
+    known, unless, valid,
 };
+use crate::term::Term;
 
 /// Degrees per second, and metres per second squared, of a count of `ESF-MEAS`.
 const ESF_GYRO: f64 = DEGREE / 4096.0;

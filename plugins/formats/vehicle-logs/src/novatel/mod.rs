@@ -5,7 +5,7 @@ mod framing;
 
 use crate::record::{Decoder, Options, Record, Topic};
 use crate::text::{gps, number};
-use framing::{BINARY, Header, Logs};
+use framing::{BINARY, Header, Logs, is_checked};
 use navfuse_frames::Number::{self, F32, F64, I32, U8, U16, U32};
 use navfuse_frames::{Count, Damage, Frames, Stamp};
 use std::io::{Read, Result};
@@ -181,13 +181,17 @@ pub struct Novatel<R> {
     unit: Option<u32>,
     /// Raw measurements of a unit whose scale is not known.
     unscaled: Count,
+    /// Logs in text that are used with a wrong checksum.
+    wrong: Count,
 }
 
 impl<R: Read> Novatel<R> {
     /// The logs of `reader`.
     pub fn new(reader: R, options: Options) -> Self {
-        let (frames, topics) = (Frames::new(reader, Logs), Vec::new());
-        Self { frames, options, topics, unit: None, unscaled: Count::default() }
+        let logs = Logs { unchecked: options.unchecked };
+        let (frames, topics) = (Frames::new(reader, logs), Vec::new());
+        let (unscaled, wrong) = (Count::default(), Count::default());
+        Self { frames, options, topics, unit: None, unscaled, wrong }
     }
 
     fn topic(&mut self, kind: &Kind) -> usize {
@@ -268,6 +272,9 @@ impl<R: Read + Send> Decoder for Novatel<R> {
             if !self.options.selects(kind.name) {
                 continue;
             }
+            if self.options.unchecked && frame.bytes[0] != BINARY && !is_checked(frame.bytes) {
+                self.wrong.add(offset);
+            }
             let [week, seconds] = kind.time.map_or(time, |time| time.map(|p| body.number(p)));
             let known = (1.0..=65_535.0).contains(&week);
             let stamp = if known { gps(week as u16, seconds) } else { Stamp::Missing };
@@ -302,6 +309,9 @@ impl<R: Read + Send> Decoder for Novatel<R> {
     fn events(&self) -> Option<String> {
         let text = "not used, of an inertial unit whose scale is not known (record RAWIMUSXA, or set \
                     `unit`),";
-        self.unscaled.describe("log", text)
+        let wrong = self.wrong.describe("log", "used without their right checksum,");
+        let texts = [self.unscaled.describe("log", text), wrong];
+        let texts: Vec<String> = texts.into_iter().flatten().collect();
+        (!texts.is_empty()).then(|| texts.join("; "))
     }
 }

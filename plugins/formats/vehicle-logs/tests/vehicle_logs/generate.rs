@@ -1,5 +1,9 @@
 //! Writers of logs, from the descriptions of the formats.
 
+// other tests include this file by its path
+#[path = "units.rs"]
+pub mod units;
+
 /// A ULog while it is written.
 pub struct Ulog(pub Vec<u8>);
 
@@ -601,7 +605,7 @@ pub fn psins(count: u32) -> Vec<u8> {
 }
 
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 12] {
+pub fn logs() -> [(&'static str, Vec<u8>); 15] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
@@ -615,5 +619,8 @@ pub fn logs() -> [(&'static str, Vec<u8>); 12] {
         ("sbf", septentrio(1)),
         ("nucleus", nucleus(60)),
         ("psins", psins(200)),
+        ("sbg-ecom", units::sbg(1)),
+        ("vectornav-binary", units::vectornav_binary(1)),
+        ("mip", units::mip(2, false)),
     ]
 }

@@ -4,6 +4,8 @@
 mod damage;
 mod foreign;
 mod generate;
+mod inertial;
+mod mscl;
 mod scenario;
 
 use navfuse_frames::Damage;
@@ -28,9 +30,16 @@ fn read(format: Format, bytes: &[u8]) -> (Rows, Vec<Topic>, Damage) {
 #[test]
 #[ignore = "it measures"]
 fn speed_of_reading() {
-    for (name, log) in
-        [("ulog", generate::flight(600)), ("tlog", generate::telemetry_of_flight(600))]
-    {
+    for (name, log) in [
+        ("ulog", generate::flight(600)),
+        ("tlog", generate::telemetry_of_flight(600)),
+        ("novatel", generate::binary_span(600)),
+        ("ubx", generate::ublox(600)),
+        ("sbf", generate::septentrio(600)),
+        ("sbg-ecom", generate::units::sbg(600)),
+        ("vectornav-binary", generate::units::vectornav_binary(600)),
+        ("mip", generate::units::mip(600, false)),
+    ] {
         let format = Format::ALL.into_iter().find(|f| f.name() == name).unwrap();
         let (all, size) = (read(format, &log).0.len(), log.len());
         let log: Arc<[u8]> = log.into();

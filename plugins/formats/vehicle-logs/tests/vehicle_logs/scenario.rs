@@ -10,7 +10,7 @@ use navfuse_core::units::time::Time;
 use navfuse_testing::recording::{self, AIDS, INERTIAL, Reading};
 use navfuse_vehicle_logs::VehicleLogsPlugin;
 
-fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
+pub fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("log.bin"), log).unwrap();
     let filter = match keys.contains("increments") {
@@ -32,7 +32,7 @@ fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
     Ok(reading)
 }
 
-fn near(sample: &Sample, expected: &[f64], tolerance: f64) {
+pub fn near(sample: &Sample, expected: &[f64], tolerance: f64) {
     for (channel, expected) in expected.iter().enumerate() {
         let found = sample.get(channel);
         let close = match expected.is_nan() {

@@ -201,7 +201,7 @@ pub const AXES: [(&str, usize, f64); 18] = [
 ];
 
 /// Words for a number: its channel, its SI unit, and the sign.
-pub const SCALARS: [(&str, &str, f64, &[&str]); 30] = [
+pub const SCALARS: [(&str, &str, f64, &[&str]); 31] = [
     ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
     ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
     ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
@@ -273,6 +273,21 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 30] = [
         -1.0,
         &["velu", "vu", "velup", "vup", "velocityup", "upvelocity", "velocityu"],
     ),
+    // what a height above the ellipsoid has more than one above the sea
+    (
+        "geoid",
+        "m",
+        1.0,
+        &[
+            "geoid",
+            "geoidheight",
+            "geoidseparation",
+            "geoidsep",
+            "geoidalheight",
+            "undulation",
+            "heightofgeoid",
+        ],
+    ),
     ("h_acc", "m", 1.0, &["hacc", "horizontalaccuracy", "eph", "accuracyh", "sdn"]),
     ("v_acc", "m", 1.0, &["vacc", "verticalaccuracy", "epv", "accuracyv", "sdu"]),
     ("s_acc", "m/s", 1.0, &["sacc", "speedaccuracy", "velocityaccuracy"]),
@@ -283,9 +298,57 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 30] = [
     // heights alone, of which a table under water makes a depth
     ("z", "m", 1.0, &["z", "posz", "positionz", "zpos"]),
     // velocities along the axes of the vehicle
-    ("vel_x", "m/s", 1.0, &["surge", "u", "surgevelocity", "surgespeed", "dvlu", "velu", "ubody"]),
-    ("vel_y", "m/s", 1.0, &["sway", "v", "swayvelocity", "swayspeed", "dvlv", "velv", "vbody"]),
-    ("vel_z", "m/s", 1.0, &["heave", "w", "heavevelocity", "heavespeed", "dvlw", "velw", "wbody"]),
+    (
+        "vel_x",
+        "m/s",
+        1.0,
+        &[
+            "surge",
+            "u",
+            "surgevelocity",
+            "surgespeed",
+            "surgevel",
+            "velsurge",
+            "vsurge",
+            "dvlu",
+            "velu",
+            "ubody",
+        ],
+    ),
+    (
+        "vel_y",
+        "m/s",
+        1.0,
+        &[
+            "sway",
+            "v",
+            "swayvelocity",
+            "swayspeed",
+            "swayvel",
+            "velsway",
+            "vsway",
+            "dvlv",
+            "velv",
+            "vbody",
+        ],
+    ),
+    (
+        "vel_z",
+        "m/s",
+        1.0,
+        &[
+            "heave",
+            "w",
+            "heavevelocity",
+            "heavespeed",
+            "heavevel",
+            "velheave",
+            "vheave",
+            "dvlw",
+            "velw",
+            "wbody",
+        ],
+    ),
     (
         "speed",
         "m/s",

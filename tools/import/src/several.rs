@@ -1,0 +1,85 @@
+//! A sensor in several files: its channels in two of them, or its rows in one after another.
+
+use crate::found::Found;
+use crate::recording::{Part, Reader, Recording};
+use crate::samples::Samples;
+use navfuse_core::model::stream::StreamError;
+use std::path::Path;
+
+impl Recording {
+    /// Makes one inertial unit of gyros and accelerometers in two files.
+    pub fn join_halves(&mut self) {
+        if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) {
+            return;
+        }
+        let [Some((gyros, other)), Some((accels, file))] = std::mem::take(&mut self.halves) else {
+            return;
+        };
+        let mut found = Found { kind: "imu", ..accels };
+        found.questions.extend(gyros.questions);
+        found.questions.push(format!(
+            "the rates of {} are interpolated to the times of the specific forces",
+            other.display()
+        ));
+        let more = Some((gyros.source, other));
+        let (name, reader) = ("imu", Reader::Csv);
+        let samples = Samples::default();
+        let then = Vec::new();
+        self.parts.push(Part { name, found, reader, file, lever_arm: None, more, then, samples });
+    }
+
+    /// Adds the velocity of a receiver to its positions in another table.
+    ///
+    /// # Errors
+    /// When no table has its positions.
+    pub fn join_velocity(&mut self) -> Result<(), StreamError> {
+        let Some((velocity, file)) = self.velocity.take() else { return Ok(()) };
+        let gnss = self.parts.iter_mut().find(|part| {
+            let alone = part.reader == Reader::Csv && part.then.is_empty();
+            part.name == "gnss" && alone && !part.found.velocity
+        });
+        let named = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
+        let log = named.is_some_and(|name| name.contains("dvl"));
+        let Some(part) = gnss.filter(|_| !log) else {
+            let text = "its velocities are along north and east, and no table has the positions of their \
+                        receiver";
+            return Err(StreamError::format(text).in_file(file).with_remedy(
+                "give positions of the receiver, or the velocities of a log along the axes of the \
+                 instrument",
+            ));
+        };
+        part.found.questions.extend(velocity.questions);
+        part.found.questions.push(format!(
+            "the velocities of {} are taken for those of the receiver, and interpolated to its fixes",
+            file.display()
+        ));
+        part.found.velocity = true;
+        part.more = Some((velocity.source, file));
+        Ok(())
+    }
+
+    /// Adds a file whose rows go on where those of another one end, or end where they begin, in the same
+    /// form; `false` for any other file.
+    pub fn goes_on(&mut self, name: &str, found: &Found, file: &Path) -> bool {
+        let same = |part: &&mut Part| {
+            part.name == name && part.reader == Reader::Csv && part.found.source == found.source
+        };
+        let Some(part) = self.parts.iter_mut().find(same) else { return false };
+        let (Some(own), Some(span)) = (part.found.span, found.span) else { return false };
+        let apart = |other: [f64; 2]| span[0] >= other[1] || span[1] <= other[0];
+        if !apart(own) || !part.then.iter().all(|(other, _)| apart(*other)) {
+            return false;
+        }
+        part.then.push((span, file.to_owned()));
+        if span[0] < own[0] {
+            // the first file in time is the file of the part
+            part.found.span = Some(span);
+            let first = std::mem::replace(&mut part.file, file.to_owned());
+            part.then.pop();
+            part.then.push((own, first));
+        }
+        part.then.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
+        self.notes.push(format!("{name}: {} goes on in the same form", file.display()));
+        true
+    }
+}

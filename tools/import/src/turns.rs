@@ -1,0 +1,135 @@
+//! What the motion shows of axes by any angle: an IMU that is mounted at one, and positions whose
+//! columns are exchanged.
+
+use crate::axes::Sense;
+use crate::recording::{Part, Reader, Recording};
+use crate::rotation::{Rotation, about_down, levelling, of_axes, product};
+use crate::samples::find;
+use crate::stream::StreamSurvey;
+use crate::table::BY_CONTENT;
+use navfuse_core::model::stream::StreamError;
+
+/// Angle between the mean of the specific force and an axis, rad, that no vehicle keeps on average: 20 deg.
+const TILTED: f64 = 0.35;
+/// Turn about the vertical, rad, from which an IMU is not along the course: 5 deg.
+const TURNED: f64 = 0.087;
+
+impl Part {
+    /// Turns the samples by a rotation, after what has turned them already; `false` where their axes
+    /// form a left-handed set.
+    fn rotate(&mut self, rotation: &Rotation) -> bool {
+        let identity = about_down(0.0);
+        let axes = match &self.samples.axes {
+            Some(axes) => of_axes(axes),
+            None => Some(identity),
+        };
+        let Some(axes) = axes else { return false };
+        let before = self.samples.rotation.unwrap_or(identity);
+        self.samples.rotation = Some(product(rotation, &product(&axes, &before)));
+        self.samples.axes = None;
+        true
+    }
+}
+
+impl Recording {
+    /// The table of the IMU, which the source can turn by any angle.
+    fn turnable(&mut self) -> Option<&mut Part> {
+        self.part_mut("imu").filter(|part| part.reader == Reader::Csv && part.more.is_none())
+    }
+
+    /// Levels an IMU that no vehicle holds so on average, where no sensor shows that it does.
+    pub fn level_freely(&mut self, streams: &[StreamSurvey]) -> bool {
+        let imu = find(streams, "imu").filter(|imu| imu.samples > 0);
+        let first = imu.and_then(|s| s.channel("accel_x").or_else(|| s.channel("dvel_x")));
+        let Some((imu, k)) = imu.zip(first).filter(|_| !self.tilted && self.turned[0]) else {
+            return false;
+        };
+        let level = levelling([imu.mean[k], imu.mean[k + 1], imu.mean[k + 2]]);
+        let Some((rotation, angle)) = level.filter(|(_, angle)| *angle > TILTED) else {
+            return false;
+        };
+        if !self.turnable().is_some_and(|part| part.rotate(&rotation)) {
+            return false;
+        }
+        self.tilted = true;
+        let text = format!(
+            "the mean of its specific force is {:.0} deg from an axis: it is levelled, as for a vehicle \
+             that is level on average",
+            angle.to_degrees()
+        );
+        self.notes.push(format!("imu: {text}"));
+        self.ask(&text);
+        true
+    }
+
+    /// Turns an IMU that is at an angle in its vehicle by the course of a receiver.
+    pub fn turn_freely(&mut self, streams: &[StreamSurvey]) -> bool {
+        let course = find(streams, "gnss").and_then(|s| s.course);
+        let Some(course) = course.filter(|course| course.sense == Sense::Right) else {
+            return false;
+        };
+        let turn = course.turn;
+        let determined = turn.angle.abs() > TURNED.max(5.0 * turn.sigma);
+        if !determined || self.moves_sideways() || self.turned_freely {
+            return false;
+        }
+        if !self.turnable().is_some_and(|part| part.rotate(&about_down(turn.angle))) {
+            return false;
+        }
+        self.turned_freely = true;
+        let text = format!(
+            "the course of the receiver fits its accelerations after a turn by {:.1} deg about down, \
+             sigma {:.1} deg",
+            turn.angle.to_degrees(),
+            turn.sigma.to_degrees()
+        );
+        self.notes.push(format!("imu: {text}"));
+        self.ask(&text);
+        true
+    }
+
+    /// Tests whether the velocities of a log are along the axes of its vehicle.
+    ///
+    /// # Errors
+    /// When they are along north and east, which the attitude of the instrument made of them.
+    pub fn swims_along_its_axes(&self) -> Result<(), StreamError> {
+        let Some((north_first, part)) = self.earth.zip(self.part("dvl")) else { return Ok(()) };
+        let order = if north_first { "north and east" } else { "east and north" };
+        let text = format!(
+            "the direction of its velocities turns as the vehicle does: they are along {order}, not along \
+             the axes of the instrument"
+        );
+        Err(StreamError::format(text).in_file(&part.file).with_remedy(
+            "record the velocities along the axes of the instrument or of the ship, or turn them back by \
+             the attitude that the instrument used",
+        ))
+    }
+
+    /// Exchanges latitude and longitude of a table without headings, where the course turns as if they
+    /// were exchanged. A table that names them is doubted.
+    pub fn exchange(&mut self, streams: &[StreamSurvey]) -> bool {
+        let [turns, forces] = find(streams, "gnss").map_or([false; 2], |s| s.mirrored);
+        let is_unnamed = |part: &Part| part.found.questions.iter().any(|q| q.contains(BY_CONTENT));
+        let unnamed = self.part("gnss").is_some_and(is_unnamed);
+        // negative rates of the IMU would turn so, too, where the columns have names
+        let mirrored = forces || (turns && unnamed);
+        if !mirrored || self.moves_sideways() || std::mem::replace(&mut self.exchanged, true) {
+            return false;
+        }
+        let Some(part) = self.part_mut("gnss") else { return false };
+        let is_list = |key: &&mut String| key.starts_with("headings = [");
+        let Some(list) = part.found.source.iter_mut().find(is_list).filter(|_| unnamed) else {
+            let text = "its course turns against the IMU as if east and north were exchanged: check \
+                        latitude and longitude, and the velocities along north and east";
+            part.found.questions.push(text.to_owned());
+            self.notes.push(format!("gnss: {text}"));
+            return true;
+        };
+        let other = list.replace("\"lat\"", "\"-\"").replace("\"lon\"", "\"lat\"");
+        *list = other.replace("\"-\"", "\"lon\"");
+        let text = "the longitude stands before the latitude: its course turns as the IMU does so";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("gnss: {text}"));
+        true
+    }
+}
