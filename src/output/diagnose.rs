@@ -56,6 +56,9 @@ fn conclusion(diagnosis: &Diagnosis) {
     for setting in diagnosis.best().iter().flat_map(|best| &best.settings) {
         line(format_args!("  --set '{setting}'"));
     }
+    if let Some(why) = diagnosis.best().and_then(|best| best.unmended) {
+        line(format_args!("no key of a scenario mends it in full: {why}"));
+    }
     let rivals = diagnosis.rivals();
     if !rivals.is_empty() {
         line(format_args!("without a clear margin over: {}", rivals.join("; ")));

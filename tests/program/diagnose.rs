@@ -13,7 +13,7 @@ use navfuse_diagnose::{
 use std::sync::atomic::AtomicBool;
 
 /// A minute of a vehicle below water, with IMU, DVL, depth and an acoustic position.
-const DIVE: &str = r#"
+pub(crate) const DIVE: &str = r#"
 [estimator]
 draw = "start"
 [process.ins]
@@ -241,7 +241,7 @@ fn a_run_names_the_turned_axes_of_an_imu_without_a_diagnosis() {
     }
 }
 
-fn run(text: &str, settings: &[String]) -> Diagnosis {
+pub(crate) fn run(text: &str, settings: &[String]) -> Diagnosis {
     let mut document = Document::parse("dive.toml", text).expect("the scenario is TOML");
     settings.iter().for_each(|s| document.set(s).expect("the setting is one"));
     let options = Options { threads: 2, seconds: 30.0 };

@@ -17,6 +17,7 @@ mod command;
 mod common;
 mod consistency;
 mod diagnose;
+mod diagnose_recorded;
 mod export;
 mod import;
 mod import_layouts;

@@ -7,6 +7,7 @@ use crate::model::record::{Epoch, Truth};
 use crate::state::covariance::{Covariance, Transition};
 use crate::state::{Layout, State};
 use crate::units::time::Time;
+use nalgebra::Vector3;
 
 /// State and covariance, which every part of the filter reads or changes.
 #[derive(Clone)]
@@ -42,6 +43,16 @@ impl Estimate {
         if let Some((guide, offset)) = guide.zip(self.offset.as_mut()) {
             guide.propagate(layout, &mut self.state, offset, transition);
         }
+    }
+
+    /// Returns `true` unless the vehicle may be at rest: its speed is beyond 3.5 sigma. A vehicle without a
+    /// velocity among its states counts as one that moves.
+    pub(super) fn moves(&self, layout: &Layout) -> bool {
+        let Some(block) = layout.vehicle().velocity else { return true };
+        let Some(tangent) = layout.blocks[block.slot()].tangent else { return true };
+        let velocity: Vector3<f64> = self.state.get(layout, block);
+        let variance: f64 = (tangent..tangent + 3).map(|i| self.covariance.get(i, i)).sum();
+        velocity.norm_squared() > 3.5 * 3.5 * variance
     }
 
     /// The covariance as it is reported.

@@ -124,6 +124,11 @@ impl Sample {
         self.present
     }
 
+    /// Returns `true` if every channel that is present is zero.
+    pub(crate) fn is_zero(&self) -> bool {
+        channels(self.present).all(|channel| self.values[channel] == 0.0)
+    }
+
     /// All channels; those that are missing hold any value.
     pub(crate) fn values(&self) -> &[f64; MAX_CHANNELS] {
         &self.values

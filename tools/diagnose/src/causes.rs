@@ -10,8 +10,10 @@ use navfuse_core::run::schema::parameters;
 
 mod axes;
 mod factors;
+mod gravity;
 mod noise;
 mod units;
+mod zeros;
 
 /// Jumps of a clock, s: the leap seconds between GPS, UTC and TAI, and their changes since 2012.
 const JUMPS: [i32; 5] = [17, 18, 19, 27, 37];
@@ -59,6 +61,7 @@ impl Scene<'_> {
             all.extend(axes::turned(sensor, self.document));
             all.extend(units::changed(sensor, self.document));
             all.extend(jumps(name));
+            all.extend(zeros::missing(self, sensor));
             all.extend(measures.then(|| self.starts(name)).into_iter().flatten());
         }
         all
@@ -85,6 +88,9 @@ impl Scene<'_> {
                     parameters: 1,
                     ..Patch::new(format!("{name}: {key} estimated, sigma {sigma}"), settings)
                 });
+            }
+            if key == "accel_bias" {
+                all.push(gravity::removed(self.document, kind, name, &key));
             }
             if key == "misalignment" {
                 all.extend(mounted(self.document, kind, name, &key));

@@ -68,6 +68,8 @@ pub struct Trial {
     pub moved: Option<f64>,
     /// State that the change makes uncertain, with its 1-sigma.
     pub estimate: Option<String>,
+    /// Reason for which no key of the scenario mends the cause in full.
+    pub unmended: Option<&'static str>,
 }
 
 /// The trials of a scenario.

@@ -22,6 +22,8 @@ pub struct Patch {
     pub(crate) stretches: Channels<f64>,
     /// Sensor whose stated noise the change multiplies, and the factor.
     pub(crate) noise: Option<(String, f64)>,
+    /// Reason for which no key of the scenario mends the cause in full.
+    pub(crate) unmended: Option<&'static str>,
 }
 
 /// State that a change makes uncertain.
@@ -72,6 +74,7 @@ impl Patch {
         both.parameters += other.parameters;
         both.state = None;
         both.noise = None;
+        both.unmended = both.unmended.or(other.unmended);
         for (sensor, stretch) in &other.stretches {
             let sum = both.stretches.entry(sensor.clone()).or_insert([0.0; MAX_CHANNELS]);
             (0..MAX_CHANNELS).for_each(|k| sum[k] += stretch[k]);

@@ -213,6 +213,7 @@ impl<'a> Search<'a> {
             verdict: outcome.verdict.clone(),
             moved,
             estimate: outcome.estimate.as_ref().map(words),
+            unmended: patch.unmended,
         }
     }
 }

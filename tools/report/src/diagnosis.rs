@@ -190,6 +190,7 @@ mod tests {
             verdict: format!("{} of {change}", level.words()),
             moved: Some(1.5),
             estimate: None,
+            unmended: None,
         }
     }
 

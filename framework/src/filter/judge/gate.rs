@@ -10,8 +10,10 @@ use crate::filter::judge::signature::Signatures;
 use crate::filter::judge::slot::SensorSlot;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
+use crate::filter::update::work::Work;
 use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Action;
+use crate::model::sensor::measurement::At;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::channels;
 use crate::units::time::Time;
@@ -180,6 +182,50 @@ impl Ekf {
         }
     }
 
+    /// Names an offset of the sensor's clock, where it explains the samples that the gate has refused so
+    /// far, and is about to refuse one more.
+    pub(in crate::filter) fn explain_by_offset(
+        &mut self,
+        attempt: &Attempt<'_>,
+        nis: f64,
+        observer: &mut dyn Observer,
+    ) {
+        let Parts { estimate, sensors, signatures, .. } = &mut self.parts;
+        let slot = &mut sensors[attempt.index];
+        let refuses = slot.lockout.at_limit() || slot.isolation().is_some();
+        let passes = nis <= slot.thresholds[self.work.update.m];
+        let Some(signatures) = signatures.as_mut().filter(|_| refuses && !passes) else { return };
+        if estimate.offset.is_some() {
+            return;
+        }
+        let of = (attempt.index, slot.name.as_str(), slot.lockout.insists());
+        let states = (&estimate.covariance, &self.considered[..]);
+        let (finding, explained) = signatures.explain(of, (&self.layout, &estimate.state), states);
+        if let Some(finding) = finding {
+            observer.finding(finding);
+        }
+        if explained {
+            slot.lockout.explain();
+            slot.reach.clear();
+        }
+    }
+
+    /// Goes on with the estimate of a filter that has known the offset of the sensor's clock, if one was
+    /// found with this sample.
+    pub(in crate::filter) fn adopt_offset(&mut self, index: usize) {
+        let Parts { estimate, sensors, signatures, watch, history, .. } = &mut self.parts;
+        let Some(mut delta) = signatures.as_mut().and_then(|tests| tests.adopt(index)) else {
+            return;
+        };
+        self.layout.inject(&mut estimate.state, &mut delta, &mut estimate.covariance);
+        if let Some(history) = history {
+            history.corrected(&delta);
+        }
+        // the means of the innovations up to here are those of the offset
+        sensors.iter_mut().filter_map(|slot| slot.bias.as_mut()).for_each(BiasTest::restart);
+        watch.widened();
+    }
+
     /// Adds the priors of what this sensor measures to the covariance: its samples before were wrong. Where
     /// no other sensor was used, nothing is known beyond any prior. Returns the new NIS.
     fn forget(&mut self, index: usize, nis: f64) -> f64 {
@@ -257,18 +303,25 @@ impl Ekf {
     /// Keeps what a sample that is not used shows of the fault.
     pub(in crate::filter) fn withhold(
         &mut self,
-        attempt: &Attempt<'_>,
+        (attempt, judgement): (&Attempt<'_>, &Judgement),
         observer: &mut dyn Observer,
     ) {
-        let Parts { estimate, sensors, .. } = &mut self.parts;
-        let update = &mut self.work.update;
-        let slot = &mut sensors[attempt.index];
+        let Parts { estimate, sensors, signatures, propagation, .. } = &mut self.parts;
+        let Work { update, lower, .. } = &mut self.work;
+        let &Attempt { sample, index, present, model, .. } = attempt;
+        let slot = &mut sensors[index];
+        if let Some(signatures) = signatures.as_mut().filter(|_| estimate.offset.is_none()) {
+            let at = At { layout: &self.layout, state: &estimate.state, sample };
+            let along = (&at, propagation.transition());
+            // as Huber's estimator weighs what is beyond its limit
+            let weight = (slot.thresholds[update.m] / judgement.nis).sqrt().min(1.0);
+            signatures.take((attempt.measured(), Some(weight)), model, along, update, lower);
+        }
         if let Some(repeats) = &mut slot.repeats {
-            repeats.keep(update, attempt.present, false);
+            repeats.keep(update, present, false);
         }
         if let Some(factor) = &mut slot.factor {
-            let info = &self.composition.sensors[attempt.index].info;
-            let &Attempt { sample, present, .. } = attempt;
+            let info = &self.composition.sensors[index].info;
             factor.take(&Treated { sample, present, update, used: false }, info, observer);
         }
         let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);

@@ -136,6 +136,11 @@ impl Lockout {
         self.streak.is_some_and(|streak| streak.count >= OUTLIERS)
     }
 
+    /// Returns `true` if another gated sample is one of several in a row, which are worth a warning.
+    pub(in crate::filter) fn insists(&self) -> bool {
+        self.streak.is_some_and(|streak| streak.count + 1 >= IN_A_ROW)
+    }
+
     /// Channel with the largest innovation of a streak, and its size, in words.
     fn largest(&self, streak: &Streak) -> String {
         let Largest { channel, sigmas } = streak.largest;

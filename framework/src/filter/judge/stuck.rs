@@ -1,23 +1,29 @@
 //! Repeated samples: an instrument that is stuck gives the same numbers again and again.
 //!
 //! A repetition alone is no fault: a quantised speed at rest repeats too, and zeros do not count. It
-//! is one if the prediction has moved meanwhile. The filter follows the samples that it uses, so
-//! the motion is summed from sample to sample:
+//! is one if the prediction has moved meanwhile, or if the samples before scattered so that chance does not
+//! repeat them. The filter follows the samples that it uses, so the motion is summed from sample to
+//! sample:
 //! ```text
 //! M = sum (h-(k) - h+(k-1)) = sum (y+(k-1) - y(k))      y+: innovation after the update
 //! V = sum (S - R)^2 / S       variance of the corrections H K y that a sample at rest causes
 //! stuck if M^2 > 3.5^2 (V + S) in some channel
 //! ```
+//! The scatter is learnt from the samples before (`judge/stuck/chance.rs`).
+//!
 //! The noise of a repeated sample is the same each time. A filter that takes it for new noise each
 //! time would be overconfident. If a sensor of several channels varied before, `R` therefore grows
 //! with the square of the number of repetitions, so that any number of them carries bounded
 //! information.
+
+mod chance;
 
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::covariance::Update;
 use crate::units::sample::{MAX_CHANNELS, Sample, channels};
 use crate::units::time::Time;
+use chance::Chance;
 
 /// Number of equal samples in a row that may be chance.
 const CHANCE: u32 = 5;
@@ -39,34 +45,44 @@ pub(in crate::filter) struct Repeats {
     motion: [f64; MAX_CHANNELS],
     variance: [f64; MAX_CHANNELS],
     left: [f64; MAX_CHANNELS],
+    /// Set once the sensor is stuck, and if the motion shows it.
     stuck: bool,
+    moved: bool,
     /// Time of the first of the equal samples.
     since: Time,
+    chance: Chance,
 }
 
-saved!(Repeats { last, count, varied, motion, variance, left, stuck, since });
+saved!(Repeats { last, count, varied, motion, variance, left, stuck, moved, since, chance });
 
 /// A sensor that is stuck.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::filter) struct Stuck {
     since: Time,
     count: u32,
+    /// Set if the prediction has moved, and not the scatter of the samples before has shown it.
+    moved: bool,
 }
 
 impl Stuck {
     /// Finding about the sensor.
     pub(in crate::filter) fn finding(&self, time: Time, sensor: &str) -> Finding {
-        let &Self { since, count } = self;
+        let &Self { since, count, moved } = self;
         // more repetitions than a check needs have been used as if their noise were new
-        let severity = if count > 4 * CHANCE { Severity::DoNotUse } else { Severity::Doubtful };
+        let late = count > 4 * CHANCE;
+        let (severity, why) = match (moved, late) {
+            (true, true) => (Severity::DoNotUse, "while the vehicle moves"),
+            (true, false) => (Severity::Doubtful, "while the vehicle moves"),
+            (false, true) => (Severity::Doubtful, "and the samples before scattered"),
+            (false, false) => (Severity::Contained, "and the samples before scattered"),
+        };
         Finding {
             time,
             about: sensor.to_owned(),
             severity,
             basis: Basis::Samples,
             text: format!(
-                "stuck: {count} samples since {since} are equal, while the vehicle moves; they are \
-                 rejected from now on"
+                "stuck: {count} samples since {since} are equal, {why}; they are rejected from now on"
             ),
             remedy: "look at the instrument and at its driver, which may repeat old samples"
                 .to_owned(),
@@ -96,21 +112,30 @@ impl Repeats {
         }
         if self.last.replace(*sample).is_some() {
             self.varied = if self.count > 1 { 0 } else { self.varied.saturating_add(1) };
+            self.chance.end(self.stuck);
         }
-        (self.count, self.stuck, self.since) = (1, false, sample.time);
+        (self.count, self.since) = (1, sample.time);
+        (self.stuck, self.moved) = (false, false);
         self.motion = [0.0; MAX_CHANNELS];
         self.variance = [0.0; MAX_CHANNELS];
         1.0
     }
 
     /// Adds the motion up to a sample, whose sigma has that factor, and returns the number of equal
-    /// samples if the sensor is stuck. Call after [`Update::innovate`].
+    /// samples if the sensor is stuck. `moves` is asked for a vehicle that moves. Call after
+    /// [`Update::innovate`].
     pub(in crate::filter) fn stuck(
         &mut self,
         update: &Update,
         present: u16,
         factor: f64,
+        moves: impl FnOnce() -> bool,
     ) -> Option<Stuck> {
+        for (a, c) in channels(present).enumerate().take(update.m) {
+            if let Some(value) = self.last.as_ref().and_then(|last| last.get(c)) {
+                self.chance.take(c, value, [update.innovation[a], self.left[c]]);
+            }
+        }
         if self.count > 1 && !self.stuck {
             for (a, c) in channels(present).enumerate().take(update.m) {
                 let r = update.r[a * update.m + a];
@@ -118,10 +143,12 @@ impl Repeats {
                 let s = update.s[a * update.m + a] - r * (1.0 - 1.0 / (factor * factor));
                 self.motion[c] += self.left[c] - update.innovation[a];
                 let bound = SIGMAS * SIGMAS * (self.variance[c] + s);
-                self.stuck |= self.count >= CHANCE && self.motion[c] * self.motion[c] > bound;
+                self.moved |= self.count >= CHANCE && self.motion[c] * self.motion[c] > bound;
             }
+            self.stuck = self.moved || self.chance.repeats(moves());
         }
-        self.stuck.then_some(Stuck { since: self.since, count: self.count })
+        let &mut Self { since, count, moved, .. } = self;
+        self.stuck.then_some(Stuck { since, count, moved })
     }
 
     /// Innovation after the last sample, by channel.
@@ -171,7 +198,7 @@ mod tests {
             let sample = Sample::new(Time::default(), SensorId(0), &[3.0]);
             let factor = repeats.take(&sample, 1);
             let update = update(y(k), 0.0);
-            let stuck = repeats.stuck(&update, 1, factor);
+            let stuck = repeats.stuck(&update, 1, factor, || true);
             repeats.keep(&update, 1, false);
             stuck.is_some()
         })
@@ -180,8 +207,11 @@ mod tests {
     /// 4 CHANCE = 20 samples.
     #[test]
     fn more_than_20_equal_samples_make_a_result_unusable() {
-        let severity = |count| Stuck { since: Time::MIN, count }.finding(Time::MIN, "log").severity;
-        assert_eq!([20, 21].map(severity), [Severity::Doubtful, Severity::DoNotUse]);
+        let severity = |moved, count| {
+            Stuck { since: Time::MIN, count, moved }.finding(Time::MIN, "log").severity
+        };
+        assert_eq!([20, 21].map(|n| severity(true, n)), [Severity::Doubtful, Severity::DoNotUse]);
+        assert_eq!([20, 21].map(|n| severity(false, n)), [Severity::Contained, Severity::Doubtful]);
     }
 
     /// Without an update the motion is y(1) - y(k), and the bound is 3.5 sqrt(S) = 7. Fewer than 5
@@ -223,7 +253,7 @@ mod tests {
             update.innovation.extend([0.0, if k > 8 { 7.1 } else { 0.0 }]);
             update.r.extend([100.0, -50.0, -50.0, 1.0].map(|r| r * factor * factor));
             update.s.extend([400.0, 0.0, 0.0, 3.0 + factor * factor]);
-            let stuck = repeats.stuck(&update, 0b11, factor);
+            let stuck = repeats.stuck(&update, 0b11, factor, || true);
             repeats.keep(&update, 0b11, false);
             stuck.is_some()
         });

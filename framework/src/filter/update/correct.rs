@@ -24,7 +24,7 @@ use crate::units::time::Time;
 #[derive(Clone, Copy)]
 pub(in crate::filter) struct Attempt<'a> {
     pub(in crate::filter) sample: &'a Sample,
-    model: &'a dyn AnyMeasurement,
+    pub(in crate::filter) model: &'a dyn AnyMeasurement,
     /// Number of the sensor.
     pub(in crate::filter) index: usize,
     /// The channels that the sample has, one bit each.
@@ -70,6 +70,7 @@ impl Ekf {
             return Ok(());
         }
         let nis = self.explain_by_noise(&attempt, nis, observer);
+        self.explain_by_offset(&attempt, nis, observer);
         self.watch_velocity(attempt.index);
         self.weigh(&attempt);
         let doubt = self.doubt(&attempt);
@@ -80,6 +81,7 @@ impl Ekf {
             self.part(doubt, judgement.verdict);
             self.conclude(&attempt, &judgement, observer)?;
         }
+        self.adopt_offset(attempt.index);
         self.decide(observer);
         Ok(())
     }
@@ -148,7 +150,7 @@ impl Ekf {
         }
         self.record(attempt, judgement, observer);
         if !accepted {
-            self.withhold(attempt, observer);
+            self.withhold((attempt, judgement), observer);
             return Ok(());
         }
         self.apply(attempt, observer);
@@ -188,7 +190,7 @@ impl Ekf {
         if !self.evaluate(sample, model) {
             return None;
         }
-        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let Parts { estimate, sensors, signatures, .. } = &mut self.parts;
         let Work { update, rules, .. } = &mut self.work;
         let index = sample.sensor.0;
         if let Some(offset) = &estimate.offset {
@@ -208,17 +210,24 @@ impl Ekf {
         }
         let Estimate { state, covariance, offset, .. } = estimate;
         let at = At { layout: &self.layout, state, sample };
+        let tests = signatures.as_ref().filter(|_| offset.is_none());
+        let compensates = tests.is_some_and(|tests| tests.compensates(index));
+        if let Some(tests) = tests {
+            tests.compensate(index, model, &at, update, present);
+        }
         let prior = Prior { at, model, covariance, considered: &self.considered };
-        rules.of(index, offset.is_some()).linearised(&prior, update);
+        rules.of(index, offset.is_some() || compensates).linearised(&prior, update);
         Some(Attempt { sample, model, index, present, repeated })
     }
 
     /// Rejects a sample of a sensor that repeats one sample while the vehicle moves.
     fn is_stuck(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) -> bool {
         let &Attempt { sample, present, repeated, .. } = attempt;
-        let slot = &mut self.parts.sensors[attempt.index];
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let slot = &mut sensors[attempt.index];
+        let moves = || estimate.moves(&self.layout);
         let stuck = slot.repeats.as_mut().and_then(|repeats| {
-            let stuck = repeats.stuck(&self.work.update, present, repeated)?;
+            let stuck = repeats.stuck(&self.work.update, present, repeated, moves)?;
             repeats.keep(&self.work.update, present, false);
             Some(stuck)
         });
@@ -241,7 +250,7 @@ impl Ekf {
         verdict: Verdict,
         observer: &mut dyn Observer,
     ) -> bool {
-        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let Parts { estimate, sensors, signatures, .. } = &mut self.parts;
         let Work { update, lower, refinement, rules, .. } = &mut self.work;
         let &Attempt { sample, model, index, present, .. } = attempt;
         let slot = &mut sensors[index];
@@ -263,7 +272,9 @@ impl Ekf {
         let Estimate { state, covariance, offset, .. } = estimate;
         let at = At { layout: &self.layout, state, sample };
         let prior = Prior { at, model, covariance, considered: &self.considered };
-        refinement.run(&prior, rules.of(index, offset.is_some()), slot.robust, update)
+        let compensates = signatures.as_ref().is_some_and(|tests| tests.compensates(index));
+        let rule = rules.of(index, offset.is_some() || compensates);
+        refinement.run(&prior, rule, slot.robust, update)
     }
 
     /// Updates the covariance, and injects the error into the state.
@@ -285,7 +296,8 @@ impl Ekf {
         // state after the update
         let mut curved = None;
         let own = estimate.offset.is_none();
-        let rule = rules.of(index, !own);
+        let compensates = signatures.as_ref().is_some_and(|tests| tests.compensates(index));
+        let rule = rules.of(index, !own || compensates);
         let slot = &mut sensors[index];
         if let Some(check) =
             slot.curvature.as_mut().filter(|_| rule.check() == Check::Before && own)
@@ -312,7 +324,7 @@ impl Ekf {
         if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };
             let along = (&at, propagation.transition());
-            signatures.take(attempt.measured(), model, along, update, lower);
+            signatures.take((attempt.measured(), None), model, along, update, lower);
         }
         if let Some(offset) = &mut estimate.offset {
             offset.correct(&mut update.delta);

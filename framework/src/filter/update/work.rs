@@ -17,7 +17,7 @@ pub(in crate::filter) struct Work {
     /// Points of the check of the curvature.
     pub(super) points: SigmaPoints,
     /// A Cholesky factor.
-    pub(super) lower: Vec<f64>,
+    pub(in crate::filter) lower: Vec<f64>,
 }
 
 impl Work {

@@ -2,7 +2,7 @@
 
 use crate::document::unknown;
 use crate::model::error::ComposeError;
-use crate::units::sample::{Channel, Sample};
+use crate::units::sample::{Channel, Sample, channels};
 use crate::units::time::Span;
 use crate::units::{Duration, Ratio};
 use schemars::JsonSchema;
@@ -52,8 +52,22 @@ pub struct Conversion {
     pub axes: Option<[Axis; 3]>,
     /// Factor on channels by name, after `axes`, such as `{ depth = -1 }`. Default: 1.
     pub factor: BTreeMap<String, Ratio>,
+    /// What a sample is of which every value is zero: `"values"`, as any other, or `"missing"`, for an
+    /// instrument or a driver that writes zeros where it has nothing. Default: `"values"`.
+    pub zeros: Zeros,
     /// Time that is added to the stamps of the samples, such as "-18 s". Default: zero.
     pub clock: Option<Duration>,
+}
+
+/// What a sample is of which every value is zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Zeros {
+    /// A sample as any other.
+    #[default]
+    Values,
+    /// A sample without values.
+    Missing,
 }
 
 /// A conversion with the indices of its channels.
@@ -61,6 +75,7 @@ pub struct Conversion {
 pub struct Converter {
     /// Channel, the channel of the instrument that it comes from, and the factor.
     channels: Vec<(usize, usize, f64)>,
+    zeros: Zeros,
     /// Time that is added.
     pub clock: Span,
 }
@@ -106,7 +121,7 @@ impl Conversion {
         }
         let clock = self.clock.map_or(Some(Span::ZERO), |c| Span::from_seconds(c.si()));
         let beyond = || ComposeError::new("samples.clock", "beyond the range of times");
-        Ok(Converter { channels: moves, clock: clock.ok_or_else(beyond)? })
+        Ok(Converter { channels: moves, zeros: self.zeros, clock: clock.ok_or_else(beyond)? })
     }
 }
 
@@ -135,6 +150,9 @@ fn turned(axes: [Axis; 3], channels: &[Channel]) -> Result<Vec<(usize, usize, f6
 impl Converter {
     /// Converts a sample of the sensor.
     pub fn apply(&self, sample: &mut Sample) {
+        if self.zeros == Zeros::Missing && sample.is_zero() {
+            channels(sample.present()).for_each(|channel| sample.clear(channel));
+        }
         let read = *sample;
         for (to, from, factor) in &self.channels {
             match read.get(*from) {
@@ -153,7 +171,7 @@ mod tests {
     use crate::units::sample::SensorId;
     use crate::units::time::Time;
 
-    fn channels() -> [Channel; 4] {
+    fn all() -> [Channel; 4] {
         Channel::all([("vel_x", "m/s"), ("vel_y", "m/s"), ("vel_z", "m/s"), ("depth", "m")])
     }
 
@@ -165,7 +183,7 @@ mod tests {
     fn axes_factors_and_clock_are_applied_to_the_samples_of_any_source() {
         let text =
             "axes = [\"y\", \"x\", \"-z\"]\nfactor = { depth = -1, vel_x = 0.5 }\nclock = \"-2 s\"";
-        let converter = conversion(text).resolve(&channels()).unwrap();
+        let converter = conversion(text).resolve(&all()).unwrap();
         let mut sample = Sample::new(Time::from_nanos(0), SensorId(0), &[1.0, 2.0, 3.0, 4.0]);
         sample.clear(0);
         converter.apply(&mut sample);
@@ -175,16 +193,28 @@ mod tests {
     }
 
     #[test]
+    fn a_sample_of_zeros_alone_has_no_values_where_zeros_are_missing() {
+        let converter = conversion("zeros = \"missing\"").resolve(&all()).unwrap();
+        for (values, present) in [([0.0; 4], 0), ([0.0, 0.0, 0.0, 1.0], 0b1111)] {
+            let mut sample = Sample::new(Time::from_nanos(0), SensorId(0), &values);
+            converter.apply(&mut sample);
+            assert_eq!(sample.present(), present);
+            conversion("").resolve(&all()).unwrap().apply(&mut sample);
+            assert_eq!(sample.present(), present);
+        }
+    }
+
+    #[test]
     fn a_conversion_that_does_not_fit_is_rejected_with_its_key() {
         for (text, key) in [
             ("axes = [\"x\", \"x\", \"z\"]", "samples.axes"),
             ("factor = { height = -1 }", "samples.factor.height"),
             ("factor = { depth = 0 }", "samples.factor.depth"),
         ] {
-            let error = conversion(text).resolve(&channels()).unwrap_err().to_string();
+            let error = conversion(text).resolve(&all()).unwrap_err().to_string();
             assert!(error.starts_with(key), "{error}");
         }
-        let error = conversion("axes = [\"y\", \"x\", \"z\"]").resolve(&channels()[3..]);
+        let error = conversion("axes = [\"y\", \"x\", \"z\"]").resolve(&all()[3..]);
         assert!(error.unwrap_err().to_string().contains("no vector"));
     }
 }

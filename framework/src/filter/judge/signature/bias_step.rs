@@ -178,7 +178,12 @@ impl BiasSteps {
     ) -> Option<(usize, Found)> {
         let of = |axis: &Axis| {
             let old = |sum: usize| time.since(axis.effect.scores[sum].since) >= LEAST;
-            axis.effect.worst((SIGNIFICANT, old), covariance, considered)
+            axis.effect.worst(
+                &axis.effect.scores,
+                (SIGNIFICANT, old),
+                (covariance, considered),
+                false,
+            )
         };
         let found = self.axes.iter().enumerate().filter_map(|(k, axis)| Some((k, of(axis)?)));
         let weight = |(_, found): &(usize, Found)| found.score.sigmas().abs();

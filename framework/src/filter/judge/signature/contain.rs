@@ -16,6 +16,7 @@
 //! off by more than its sigma in the mean.
 
 use super::effect::Effect;
+use super::score::Score;
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::{Finding, Severity};
@@ -57,24 +58,28 @@ impl Containment {
         self.off = self.never || self.again.is_some_and(|again| time <= first + again);
     }
 
-    /// A finding, which states where the covariance contains the error.
-    pub(super) fn noted(&self, mut finding: Finding) -> Finding {
+    /// A finding, which states what the filter does about the error.
+    pub(super) fn noted(&self, mut finding: Finding, does: &str) -> Finding {
         if !self.off {
             if finding.severity == Severity::Doubtful {
                 finding.severity = Severity::Contained;
             }
-            finding.text.push_str("; the covariance contains it from now on, and not before");
+            finding.text.push_str(does);
         }
         finding
     }
 
     /// Widens the covariance if it does not contain the error of a hypothesis.
-    pub(super) fn contain(&mut self, (effect, sum): (&Effect, usize), covariance: &mut Covariance) {
+    pub(super) fn contain(
+        &mut self,
+        (effect, score, sum): (&Effect, &Score, usize),
+        covariance: &mut Covariance,
+    ) {
         if self.off {
             return;
         }
         let Self { p, lower, white, .. } = self;
-        let (score, n) = (&effect.scores[sum], covariance.dimension());
+        let n = covariance.dimension();
         let variance = score.size().powi(2) + score.variance();
         p.clear();
         p.extend(covariance.rows().flatten());
@@ -87,6 +92,11 @@ impl Containment {
         if variance * white.iter().map(|w| w * w).sum::<f64>() > 1.0 {
             self.widen(covariance, variance, |i| effect.s[i][sum]);
         }
+    }
+
+    /// Returns `true` while nothing is contained.
+    pub(super) fn is_off(&self) -> bool {
+        self.off
     }
 
     /// `P = P + a s s'`.
@@ -104,7 +114,7 @@ mod tests {
     fn effect(s: [f64; 2]) -> Effect {
         let mut effect = Effect::new(2);
         effect.begin(Time::MIN);
-        effect.scores[0].add(12.0, 4.0);
+        effect.scores[0].add(12.0, 4.0, 4.0);
         effect.s.iter_mut().zip(s).for_each(|(row, s)| row[0] = s);
         effect
     }
@@ -118,7 +128,7 @@ mod tests {
     fn contained(effect: &Effect, p: [f64; 3]) -> Vec<f64> {
         let (mut covariance, before) = (covariance(p), covariance(p));
         let mut containment = Containment::default();
-        containment.contain((effect, 0), &mut covariance);
+        containment.contain((effect, &effect.scores[0], 0), &mut covariance);
         assert_eq!(containment.widened, covariance != before);
         covariance.lower().collect()
     }
@@ -151,7 +161,8 @@ mod tests {
             let mut p = covariance([1.0, 0.0, 4.0]);
             containment.begin(Time::default());
             containment.begin(Time::from_seconds(seconds).unwrap_or_default());
-            containment.contain((&effect([1.0, -2.0]), 0), &mut p);
+            let effect = effect([1.0, -2.0]);
+            containment.contain((&effect, &effect.scores[0], 0), &mut p);
             p != covariance([1.0, 0.0, 4.0])
         };
         assert!(!contains(Containment { again, ..Containment::default() }, 1.0));

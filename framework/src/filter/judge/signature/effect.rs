@@ -27,6 +27,9 @@ pub(super) struct Whitened<'a> {
     pub(super) lower: &'a [f64],
     /// `S^-1 y`.
     pub(super) y: [f64; MAX_CHANNELS],
+    /// Weight of the sample, below one for one that the gate refuses, which does not correct the state.
+    pub(super) weight: f64,
+    pub(super) used: bool,
 }
 
 /// Sensitivity of the error states, and the scores.
@@ -35,10 +38,12 @@ pub(super) struct Effect {
     pub(super) s: Rows,
     /// Changes of a step.
     moved: Rows,
+    /// Scores of the samples that count for the error, and of those that the gate refused as well.
     pub(super) scores: [Score; SUMS],
+    pub(super) all: [Score; SUMS],
 }
 
-saved!(Effect { s, moved, scores });
+saved!(Effect { s, moved, scores, all });
 
 /// A significant error.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +86,7 @@ impl Effect {
             s: vec![[0.0; SUMS]; n],
             moved: vec![[0.0; SUMS]; n],
             scores: [Score::default(); SUMS],
+            all: [Score::default(); SUMS],
         }
     }
 
@@ -126,37 +132,52 @@ impl Effect {
 
     /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.
     pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
+        self.take_along(sample, [g, g]);
+    }
+
+    /// Adds the innovation to the sums along a sensitivity that is known before the sample, where the
+    /// second one is that of the sample, which corrects `s`.
+    pub(super) fn take_along(&mut self, sample: &Whitened<'_>, g: [&Seen; 2]) {
         vectorised(
             (self, sample, g),
             #[inline(always)]
-            |(effect, sample, g): (&mut Self, &Whitened<'_>, &Seen)| {
+            |(effect, sample, g): (&mut Self, &Whitened<'_>, [&Seen; 2])| {
                 effect.score_with(sample, g);
-                effect.correct(sample.update, g);
+                if sample.used {
+                    effect.correct(sample.update, g[1]);
+                }
             },
         );
     }
 
-    /// `b := b + g' S^-1 y`, `i := i + g' S^-1 g`.
+    /// `b := b + w f' S^-1 y`, `i := i + w f' S^-1 f`, `c := c + w f' S^-1 g` for `[f, g]`.
     #[inline(always)]
-    fn score_with(&mut self, sample: &Whitened<'_>, g: &Seen) {
-        let (m, lower) = (sample.update.m, sample.lower);
-        // L^-1 g, whose square is g' S^-1 g
-        let mut white = [[0.0; SUMS]; MAX_CHANNELS];
-        let (mut b, mut i) = ([0.0; SUMS], [0.0; SUMS]);
+    fn score_with(&mut self, sample: &Whitened<'_>, [f, g]: [&Seen; 2]) {
+        let (m, lower, weight) = (sample.update.m, sample.lower, sample.weight);
+        // L^-1 f and L^-1 g, whose products are f' S^-1 f and f' S^-1 g
+        let mut white = [[[0.0; SUMS]; MAX_CHANNELS]; 2];
+        let (mut b, mut i, mut c) = ([0.0; SUMS], [0.0; SUMS], [0.0; SUMS]);
         for (row, l) in lower.chunks_exact(m.max(1)).enumerate().take(MAX_CHANNELS) {
-            let mut own = g[row];
-            for (done, l) in white.iter().zip(l).take(row) {
-                add(&mut own, -l, done);
+            for (white, g) in white.iter_mut().zip([f, g]) {
+                let mut own = g[row];
+                for (done, l) in white.iter().zip(l).take(row) {
+                    add(&mut own, -l, done);
+                }
+                own.iter_mut().for_each(|own| *own /= l[row]);
+                white[row] = own;
             }
-            own.iter_mut().for_each(|own| *own /= l[row]);
-            for (i, own) in i.iter_mut().zip(own) {
-                *i += own * own;
+            for k in 0..SUMS {
+                i[k] += white[0][row][k] * white[0][row][k];
+                c[k] += white[0][row][k] * white[1][row][k];
             }
-            add(&mut b, sample.y[row], &g[row]);
-            white[row] = own;
+            add(&mut b, sample.y[row], &f[row]);
         }
-        for (score, (b, i)) in self.scores.iter_mut().zip(b.into_iter().zip(i)) {
-            score.add(b, i);
+        for k in 0..SUMS {
+            let [b, i, c] = [b[k], i[k], c[k]].map(|sum| weight * sum);
+            self.all[k].add(b, i, c);
+            if sample.used {
+                self.scores[k].add(b, i, c);
+            }
         }
     }
 
@@ -174,17 +195,31 @@ impl Effect {
     /// Begins all hypotheses.
     pub(super) fn begin(&mut self, time: Time) {
         self.scores = [Score::new(time); SUMS];
+        self.all = self.scores;
     }
 
     /// Ends a span of all scores.
     pub(super) fn end_span(&mut self) {
-        self.scores.iter_mut().for_each(Score::end_span);
+        self.scores.iter_mut().chain(&mut self.all).for_each(Score::end_span);
     }
 
     /// Begins one hypothesis again.
     pub(super) fn renew(&mut self, sum: usize, time: Time) {
         self.scores[sum] = Score::new(time);
+        self.all[sum] = self.scores[sum];
         self.s.iter_mut().for_each(|s| s[sum] = 0.0);
+    }
+
+    /// Goes on with one hypothesis as the first, whose error was taken off; the others begin again.
+    pub(super) fn adopt(&mut self, sum: usize, time: Time) {
+        self.all[0] = self.all[sum].less(self.all[sum].size());
+        self.s.iter_mut().for_each(|s| s[0] = s[sum]);
+        (1..SUMS).for_each(|other| self.renew(other, time));
+    }
+
+    /// Begins all hypotheses again.
+    pub(super) fn restart(&mut self, time: Time) {
+        (0..SUMS).for_each(|sum| self.renew(sum, time));
     }
 
     /// Time at which the newest hypothesis began.
@@ -193,16 +228,17 @@ impl Effect {
     }
 
     /// The most severe error of at least so many sigmas among the hypotheses that count, among equals the
-    /// most significant.
+    /// most significant. An error for which the gate refuses samples is doubtful whatever it moves.
     pub(super) fn worst(
         &self,
+        scores: &[Score; SUMS],
         (significant, counts): (f64, impl Fn(usize) -> bool),
-        covariance: &Covariance,
-        considered: &[bool],
+        (covariance, considered): (&Covariance, &[bool]),
+        refused: bool,
     ) -> Option<Found> {
         let weight = |f: &Found| (f.severity, f.score.sigmas().abs());
         let mut worst: Option<Found> = None;
-        for (sum, score) in self.scores.iter().enumerate() {
+        for (sum, score) in scores.iter().enumerate() {
             let exceeds = score.sigmas().abs() >= significant;
             if !exceeds || !counts(sum) {
                 continue;
@@ -220,7 +256,7 @@ impl Effect {
                 .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
             let severity = match size {
                 e if e >= USELESS => Severity::DoNotUse,
-                e if e >= DOUBTFUL => Severity::Doubtful,
+                e if e >= DOUBTFUL || refused => Severity::Doubtful,
                 _ => continue,
             };
             let found = Found { severity, score: *score, sum, size, row };

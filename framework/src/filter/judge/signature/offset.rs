@@ -1,22 +1,35 @@
 //! Test for a time offset that is not modelled.
 //!
 //! A sensor that lags by `tau` measures the state of another time: `d = -dh/dt`, the slope of the
-//! prediction, is in the innovations of its own samples. The slope is that between the two samples
-//! before, so that the noise of the driving sensor in the innovation is not in it: `b` is then a
-//! martingale for a consistent filter.
+//! prediction, is in the innovations of its own samples. The sums run along the slope between the two
+//! samples before, so that the noise of the driving sensor in the innovation is not in it: `b` is then a
+//! martingale for a consistent filter. While the vehicle changes its acceleration, that slope is late, and
+//! `tau = b / c` with the slope up to the sample in `c` is not (an instrumental variable, Wright 1928).
 //!
 //! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
-//! From a finding on, the covariance contains the effect of each sum that is significant.
+//! Samples that the gate refuses count as those that it passes, since they show the offset. Where it is
+//! about to refuse one more, an offset that explains those before is named at once: the part of them that
+//! `tau g` leaves is below a quarter.
+//!
+//! From a finding on, the filter goes on as if it had known the offset, as a filter does whose bias is
+//! separated from its states (Friedland 1969):
+//! ```text
+//! x := x + tau s            once
+//! y := y - tau d,           R := R + var tau d d' + (tau / 2)^2 e e'      at each further sample
+//! ```
+//! where `e` is the change of the slope since the sample before. The sums go on with what is left of the
+//! innovations, and the covariance contains `s` with the variance of `tau`.
 
 use super::contain::Containment;
-use super::effect::{Effect, Found, SUMS, Whitened};
+use super::effect::{Effect, Found, SUMS, Seen, Whitened};
 use super::score::{SPAN, Score};
 use crate::checkpoint::saved;
+use crate::filter::judge::lockout::GONE;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::state::covariance::Covariance;
+use crate::state::covariance::{Covariance, Update, forward};
 use crate::state::{Layout, State};
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, channels};
 use crate::units::time::Time;
 
 /// Time from the begin of one sum to that of the next, s.
@@ -28,6 +41,49 @@ const LINEAR: f64 = SLOPE.1;
 /// Score in sigma at which an offset is significant: while a car with an IMU of MEMS finds its heading,
 /// the curvature of its track gives one of 5.2 in 3 of 200 runs.
 const SIGNIFICANT: f64 = 6.0;
+/// Score in sigma of what an offset that was taken off leaves, from which on that is taken off as well.
+const LEFT: f64 = 4.0;
+/// Share of refused samples up to which they may be outliers that no offset explains.
+const OUTLIERS: f64 = 0.1;
+
+/// Samples of the sensor, and those of them that the gate refused: their number, `sum y' S^-1 y`, and of
+/// each hypothesis `sum g' S^-1 y` and `sum g' S^-1 g`.
+#[derive(Clone, Copy, Debug, Default)]
+struct Refused {
+    all: f64,
+    count: f64,
+    yy: f64,
+    gy: [f64; SUMS],
+    gg: [f64; SUMS],
+}
+
+saved!(Refused { all, count, yy, gy, gg });
+
+impl Refused {
+    fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
+        self.all += 1.0;
+        if sample.used {
+            return;
+        }
+        let (m, w) = (sample.update.m, sample.weight);
+        let products = sample.update.innovation.iter().zip(&sample.y);
+        self.count += 1.0;
+        self.yy += w * products.map(|(y, white)| y * white).sum::<f64>();
+        for sum in 0..SUMS {
+            let mut own = [0.0; MAX_CHANNELS];
+            own.iter_mut().zip(g).for_each(|(own, g)| *own = g[sum]);
+            self.gy[sum] += w * own.iter().zip(&sample.y).map(|(g, y)| g * y).sum::<f64>();
+            forward(sample.lower, m, &mut own[..m]);
+            self.gg[sum] += w * own[..m].iter().map(|g| g * g).sum::<f64>();
+        }
+    }
+
+    /// Returns `true` if an offset of the size `a` explains the samples, or they are few.
+    fn explained(&self, sum: usize, a: f64) -> bool {
+        let left = self.yy - 2.0 * a * self.gy[sum] + a * a * self.gg[sum];
+        self.count <= OUTLIERS * self.all || left <= GONE * self.yy
+    }
+}
 
 /// Test of one sensor.
 #[derive(Clone, Default)]
@@ -35,29 +91,61 @@ pub(super) struct Offset {
     effect: Effect,
     /// The next sum to begin again.
     next: usize,
-    /// State after the sample at which the slope begins, and the slope.
+    /// State after the sample at which the slope begins, and the slopes up to the sample before and up
+    /// to the present one.
     base: Option<State>,
+    before: [f64; MAX_CHANNELS],
     slope: [f64; MAX_CHANNELS],
     /// Set if the next slope begins at the present sample.
     due: bool,
     span: Time,
     severity: Option<Severity>,
+    refused: Refused,
+    /// Offset that is taken off the samples, and its variance.
+    known: f64,
+    variance: f64,
+    /// Hypothesis whose offset is to be taken off.
+    adopts: Option<usize>,
+    /// Set once the samples contradicted the offset that was taken off.
+    withdrawn: bool,
 }
 
-saved!(Offset { effect, next, base, slope, due, span, severity });
+saved!(Offset {
+    effect,
+    next,
+    base,
+    before,
+    slope,
+    due,
+    span,
+    severity,
+    refused,
+    known,
+    variance,
+    adopts,
+    withdrawn,
+});
+
+/// A significant offset, beside the one that is taken off already.
+pub(super) struct Lag {
+    found: Found,
+    known: f64,
+}
 
 /// Finding about the sensor.
-pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) -> Finding {
-    let (score, tau) = (&found.score, found.score.size());
+pub(super) fn finding(lag: &Lag, time: Time, sensor: &str, layout: &Layout) -> Finding {
+    let Lag { found, known } = lag;
+    let (score, tau) = (&found.score, known + found.score.size());
     Finding {
         time,
         about: sensor.to_owned(),
         severity: found.severity,
         basis: Basis::Explanation,
         text: format!(
-            "since {} its samples fit a time offset of {tau:+.3} s ({:.1} sigma), which is not \
-             modelled: it has moved {}",
+            "since {} its samples fit a time offset of {tau:+.3} s +- {:.3} s ({:.1} sigma), which is \
+             not modelled: it has moved {}",
             score.since,
+            score.variance().sqrt(),
             score.sigmas().abs(),
             found.moved(layout),
         ),
@@ -66,6 +154,26 @@ pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) 
              estimate it: time_offset = {{ sigma = \"{:.1} s\" }}",
             (2.0 * tau.abs()).max(0.1)
         ),
+    }
+}
+
+/// The slopes of the channels that are present, by row of an update.
+fn rows(slope: &[f64; MAX_CHANNELS], present: u16) -> impl Iterator<Item = (usize, f64)> {
+    channels(present).map(|channel| slope[channel]).enumerate()
+}
+
+/// Finding about a sensor whose samples contradict the offset that was taken off.
+pub(super) fn withdrawn(time: Time, sensor: &str) -> Finding {
+    Finding {
+        time,
+        about: sensor.to_owned(),
+        severity: Severity::DoNotUse,
+        basis: Basis::Explanation,
+        text:
+            "its samples contradict the time offset that they fitted before: it was another error, \
+               and the filter goes on as if it had not known an offset"
+                .to_owned(),
+        remedy: "check the sensor; `navfuse diagnose` tries each plausible error".to_owned(),
     }
 }
 
@@ -80,11 +188,24 @@ impl Offset {
             effect: Effect::new(n),
             next: 1,
             base: None,
+            before: [0.0; MAX_CHANNELS],
             slope: [0.0; MAX_CHANNELS],
             due: false,
             span: Time::MIN,
             severity: None,
+            refused: Refused::default(),
+            known: 0.0,
+            variance: 0.0,
+            adopts: None,
+            withdrawn: false,
         }
+    }
+
+    /// Returns `true` if the offset of a sum is within the range of the test, and explains what the gate
+    /// refused.
+    fn counts(&self, sum: usize) -> bool {
+        let score = &self.effect.all[sum];
+        !self.withdrawn && linear(score) && self.refused.explained(sum, score.size())
     }
 
     pub(super) fn effect(&mut self) -> &mut Effect {
@@ -93,8 +214,8 @@ impl Offset {
 
     /// Score in sigma of the most significant offset within the range of the test.
     pub(super) fn score(&self) -> f64 {
-        let scores = self.effect.scores.iter().filter(|score| linear(score));
-        scores.fold(0.0, |most, score| most.max(score.sigmas().abs()))
+        let sums = (0..SUMS).filter(|sum| self.counts(*sum));
+        sums.fold(0.0, |most, sum| most.max(self.effect.all[sum].sigmas().abs()))
     }
 
     /// Takes a sample; `present` has the channels of one of the sensor itself.
@@ -103,46 +224,165 @@ impl Offset {
             self.span = time;
             self.effect.begin(time);
         }
-        let mut g = self.effect.seen(sample.update);
-        if let Some(present) = present {
-            let channels = (0..MAX_CHANNELS).filter(|channel| present >> channel & 1 == 1);
-            for (g, channel) in g.iter_mut().zip(channels).take(sample.update.m) {
-                g.iter_mut().for_each(|g| *g -= self.slope[channel]);
+        let seen = self.effect.seen(sample.update);
+        let Some(present) = present else { return self.effect.take(sample, &seen) };
+        let along = |slope| {
+            let mut g: Seen = seen;
+            for (row, slope) in rows(slope, present).take(sample.update.m) {
+                g[row].iter_mut().for_each(|g| *g -= slope);
             }
-        }
-        self.effect.take(sample, &g);
+            g
+        };
+        let (before, now) = (along(&self.before), along(&self.slope));
+        self.refused.take(sample, &now);
+        self.effect.take_along(sample, [&before, &now]);
     }
 
-    /// Takes the slope of the prediction up to the state, for the next sample.
+    /// Takes the slope of the prediction up to the state, before the sample there.
     pub(super) fn follow(&mut self, model: &dyn AnyMeasurement, at: &At<'_>) {
-        let Some(base) = &self.base else {
+        // groups of channels of one sample
+        if self.base.as_ref().is_some_and(|base| base.time == at.state.time) {
             self.due = true;
             return;
-        };
-        let dt = at.state.time.since(base.time);
-        if dt < SLOPE.0 {
-            return;
         }
-        self.slope.fill(0.0);
-        if dt <= SLOPE.1 {
-            let (from, n) = (At { state: base, ..*at }, model.channels());
-            model.change(&from, at, &mut self.slope[..n]);
-            self.slope.iter_mut().for_each(|s| *s = if s.is_finite() { *s / dt } else { 0.0 });
-        }
-        self.due = true;
+        let slope = self.slope_at(model, at);
+        self.before = self.slope;
+        self.due = self.base.is_none() || slope.is_some();
+        self.slope = slope.unwrap_or(self.slope);
     }
 
-    /// Keeps the corrected state where the next slope begins there, and widens the covariance where
-    /// it does not contain an offset that was found. Ends a span where one is due, and returns a
-    /// significant offset that is more severe than those before. `rival` is the score that it has to
-    /// exceed.
+    /// The slope of the prediction up to the state; `None` where the last one stays.
+    fn slope_at(&self, model: &dyn AnyMeasurement, at: &At<'_>) -> Option<[f64; MAX_CHANNELS]> {
+        let base = self.base.as_ref()?;
+        let dt = at.state.time.since(base.time);
+        if dt < SLOPE.0 {
+            return None;
+        }
+        let mut slope = [0.0; MAX_CHANNELS];
+        if dt <= SLOPE.1 {
+            let (from, n) = (At { state: base, ..*at }, model.channels());
+            model.change(&from, at, &mut slope[..n]);
+            slope.iter_mut().for_each(|s| *s = if s.is_finite() { *s / dt } else { 0.0 });
+        }
+        Some(slope)
+    }
+
+    /// Returns `true` if an offset is taken off the samples.
+    pub(super) fn compensates(&self) -> bool {
+        self.known != 0.0
+    }
+
+    /// Takes an offset that was found off a sample.
+    pub(super) fn compensate(
+        &self,
+        model: &dyn AnyMeasurement,
+        at: &At<'_>,
+        update: &mut Update,
+        present: u16,
+    ) {
+        let (slope, m) = (self.slope_at(model, at).unwrap_or(self.slope), update.m);
+        let changed: [f64; MAX_CHANNELS] =
+            std::array::from_fn(|k| 0.5 * self.known * (slope[k] - self.slope[k]));
+        for (a, from) in rows(&slope, present).take(m) {
+            update.innovation[a] += self.known * from;
+            for (b, to) in rows(&slope, present).take(m) {
+                update.r[a * m + b] += self.variance * from * to;
+            }
+        }
+        for (a, from) in rows(&changed, present).take(m) {
+            for (b, to) in rows(&changed, present).take(m) {
+                update.r[a * m + b] += from * to;
+            }
+        }
+    }
+
+    /// Returns `true` if an offset is to be taken off.
+    pub(super) fn adopts(&self) -> bool {
+        self.adopts.is_some()
+    }
+
+    /// Takes the offset off that is to be, and returns what it has moved the state by.
+    pub(super) fn adopt(&mut self, time: Time) -> Option<Vec<f64>> {
+        let sum = self.adopts.take()?;
+        if self.withdrawn {
+            let size = -std::mem::take(&mut self.known);
+            let delta = self.effect.s.iter().map(|s| size * s[sum]).collect();
+            self.restart(time);
+            return Some(delta);
+        }
+        let score = &self.effect.all[sum];
+        let (size, variance) = (score.size(), score.variance());
+        (self.known, self.variance) = (self.known + size, variance);
+        let delta = self.effect.s.iter().map(|s| size * s[sum]).collect();
+        self.effect.adopt(sum, time);
+        self.refused = Refused::default();
+        Some(delta)
+    }
+
+    /// Withdraws the offset that is taken off, if the gate refuses more than a third of the samples since:
+    /// it was another error that it fitted.
+    pub(super) fn withdraw(&mut self) -> bool {
+        let contradicted = 3.0 * (self.refused.count + 1.0) > self.refused.all;
+        let withdraws = self.compensates() && !self.withdrawn && contradicted;
+        if withdraws {
+            (self.withdrawn, self.adopts) = (true, Some(0));
+        }
+        withdraws
+    }
+
+    /// Begins the test again: what the samples before showed is of another error.
+    pub(super) fn restart(&mut self, time: Time) {
+        self.effect.restart(time);
+        self.refused = Refused::default();
+        self.adopts = None;
+    }
+
+    /// Keeps the state after a sample where the next slope begins there. Ends a span where one is due, and
+    /// judges the offset.
     pub(super) fn corrected(
         &mut self,
         state: &State,
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
         rival: impl Fn() -> f64,
-    ) -> Option<Found> {
+    ) -> Option<Lag> {
+        self.keep(state);
+        let due = state.time.since(self.span) >= SPAN;
+        let worst = due.then(|| self.worst(state.time, covariance, considered)).flatten();
+        let left = &self.effect.all[0];
+        if due
+            && self.compensates()
+            && !self.withdrawn
+            && left.sigmas().abs() >= LEFT
+            && linear(left)
+        {
+            self.adopts = Some(0);
+        }
+        if self.compensates() {
+            containment.contain((&self.effect, &self.effect.all[0], 0), covariance);
+        }
+        self.judge(worst, containment, rival)
+    }
+
+    /// Judges the offset where the gate is about to refuse another sample.
+    pub(super) fn refused(
+        &mut self,
+        (covariance, considered): (&Covariance, &[bool]),
+        containment: &Containment,
+        rival: impl Fn() -> f64,
+    ) -> Option<Lag> {
+        let counts = |sum: usize| self.counts(sum);
+        let worst = self.effect.worst(
+            &self.effect.all,
+            (SIGNIFICANT, counts),
+            (covariance, considered),
+            true,
+        );
+        self.judge(worst, containment, rival)
+    }
+
+    /// Keeps the state where the next slope begins there.
+    pub(super) fn keep(&mut self, state: &State) {
         if std::mem::take(&mut self.due) {
             match &mut self.base {
                 Some(base) => {
@@ -153,21 +393,24 @@ impl Offset {
                 base => *base = Some(state.clone()),
             }
         }
-        let due = state.time.since(self.span) >= SPAN;
-        let worst = due.then(|| self.worst(state.time, covariance, considered)).flatten();
+    }
+
+    /// Returns an offset that is more severe than those before, and takes the first one off. `rival` is the
+    /// score that it has to exceed.
+    fn judge(
+        &mut self,
+        worst: Option<Found>,
+        containment: &Containment,
+        rival: impl Fn() -> f64,
+    ) -> Option<Lag> {
         let worst = worst.filter(|worst| worst.score.sigmas().abs() > rival());
         let before = self.severity;
         self.severity = before.max(worst.map(|worst| worst.severity));
-        if self.severity.is_some() {
-            let significant = |sum: &usize| {
-                let score = &self.effect.scores[*sum];
-                linear(score) && score.sigmas().abs() >= SIGNIFICANT
-            };
-            for sum in (0..SUMS).filter(significant) {
-                containment.contain((&self.effect, sum), covariance);
-            }
+        if !containment.is_off() {
+            self.adopts = self.adopts.or(worst.map(|worst| worst.sum));
         }
-        worst.filter(|worst| before < Some(worst.severity))
+        let found = worst.filter(|worst| before < Some(worst.severity))?;
+        Some(Lag { found, known: self.known })
     }
 
     /// Ends a span, and returns the most severe offset.
@@ -175,8 +418,13 @@ impl Offset {
         self.span = time;
         self.effect.end_span();
         let worst = {
-            let counts = |sum: usize| linear(&self.effect.scores[sum]);
-            self.effect.worst((SIGNIFICANT, counts), covariance, considered)
+            let counts = |sum: usize| self.counts(sum);
+            self.effect.worst(
+                &self.effect.all,
+                (SIGNIFICANT, counts),
+                (covariance, considered),
+                false,
+            )
         };
         if time.since(self.effect.newest()) >= TURN {
             self.effect.renew(self.next, time);

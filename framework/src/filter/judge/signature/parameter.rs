@@ -137,6 +137,16 @@ impl Parameters {
         }
     }
 
+    /// Begins all tests at the next sample.
+    pub(super) fn restart(&mut self) {
+        let Self { components, effects, known, span, found, .. } = self;
+        components.clear();
+        effects.clear();
+        known.fill(false);
+        found.clear();
+        *span = Time::MIN;
+    }
+
     pub(super) fn effects(&mut self) -> impl Iterator<Item = &mut Effect> {
         self.effects.iter_mut()
     }
@@ -151,9 +161,13 @@ impl Parameters {
     }
 
     /// Score in sigma of the most significant error of the sensors that count, within the range of
-    /// the test.
-    pub(super) fn score(&self, counts: impl Fn(usize) -> bool) -> f64 {
-        let of = |index: usize| self.effects[index / SUMS].scores[index % SUMS].sigmas().abs();
+    /// the test, by all samples or by those that the gate did not refuse.
+    pub(super) fn score(&self, all: bool, counts: impl Fn(usize) -> bool) -> f64 {
+        let of = |index: usize| {
+            let effect = &self.effects[index / SUMS];
+            let scores = if all { &effect.all } else { &effect.scores };
+            scores[index % SUMS].sigmas().abs()
+        };
         let counts = |index: &usize| counts(self.components[*index].sensor) && self.linear(*index);
         let scores = (0..self.components.len()).filter(counts).map(of);
         scores.fold(0.0, f64::max)
@@ -230,8 +244,8 @@ impl Parameters {
             self.found.push(worst.index);
         }
         for index in &self.found {
-            let hypothesis = (&self.effects[index / SUMS], index % SUMS);
-            containment.contain(hypothesis, covariance);
+            let (effect, sum) = (&self.effects[index / SUMS], index % SUMS);
+            containment.contain((effect, &effect.scores[sum], sum), covariance);
         }
         let worst = worst.filter(|worst| self.severity < Some(worst.found.severity))?;
         self.severity = Some(worst.found.severity);
@@ -252,10 +266,15 @@ impl Parameters {
             let counts = |sum: usize| {
                 let Some(of) = components.get(sum) else { return false };
                 let score = effect.scores[sum].sigmas().abs();
-                let other = self.score(|sensor| sensor != of.sensor);
+                let other = self.score(false, |sensor| sensor != of.sensor);
                 self.linear(k * SUMS + sum) && score > rival(of.sensor).max(leading(other))
             };
-            let found = effect.worst((SIGNIFICANT, counts), covariance, considered)?;
+            let found = effect.worst(
+                &effect.scores,
+                (SIGNIFICANT, counts),
+                (covariance, considered),
+                false,
+            )?;
             Some(Wrong { found, index: k * SUMS + found.sum, of: components[found.sum] })
         });
         let weight = |wrong: &Wrong| wrong.found.score.sigmas().abs();

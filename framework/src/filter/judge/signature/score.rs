@@ -15,52 +15,62 @@ pub(super) fn leading(rival: f64) -> f64 {
     (rival * rival + CLEAR).sqrt()
 }
 
-/// Sums `b = sum g' S^-1 y` and `i = sum g' S^-1 g` since one time.
+/// Sums `b = sum f' S^-1 y`, `i = sum f' S^-1 f` and `c = sum f' S^-1 g` since one time, where `f` is `g`
+/// as far as it is known before the sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Score {
     pub(super) since: Time,
     b: f64,
     i: f64,
-    /// Sums of the span so far, and of `b^2`, `b i` and `i^2` over the spans before.
+    c: f64,
+    /// Sums `b` and `c` of the span so far, and of `b^2`, `b c` and `c^2` over the spans before.
     span: [f64; 2],
     squares: [f64; 3],
 }
 
-saved!(Score { since, b, i, span, squares });
+saved!(Score { since, b, i, c, span, squares });
 
 impl Score {
     pub(super) fn new(since: Time) -> Self {
         Self { since, ..Self::default() }
     }
 
-    pub(super) fn add(&mut self, b: f64, i: f64) {
+    pub(super) fn add(&mut self, b: f64, i: f64, c: f64) {
         self.b += b;
         self.i += i;
+        self.c += c;
         self.span[0] += b;
-        self.span[1] += i;
+        self.span[1] += c;
     }
 
     pub(super) fn end_span(&mut self) {
-        let [b, i] = std::mem::take(&mut self.span);
+        let [b, c] = std::mem::take(&mut self.span);
         self.squares[0] += b * b;
-        self.squares[1] += b * i;
-        self.squares[2] += i * i;
+        self.squares[1] += b * c;
+        self.squares[2] += c * c;
+    }
+
+    /// The sums of innovations from which an error of the size `a` was taken off.
+    pub(super) fn less(&self, a: f64) -> Self {
+        let ([b, c], [bb, bc, cc]) = (self.span, self.squares);
+        let squares = [bb - 2.0 * a * bc + a * a * cc, bc - a * cc, cc];
+        Self { b: self.b - a * self.c, span: [b - a * c, c], squares, ..*self }
     }
 
     /// Size of the error.
     pub(super) fn size(&self) -> f64 {
-        self.b / self.i
+        self.b / self.c
     }
 
     /// Information about the error, or the scatter of the spans where that is larger.
     fn scatter(&self) -> f64 {
-        let (size, [bb, bi, ii]) = (self.size(), self.squares);
-        self.i.max(bb - 2.0 * size * bi + size * size * ii)
+        let (size, [bb, bc, cc]) = (self.size(), self.squares);
+        self.i.max(bb - 2.0 * size * bc + size * size * cc)
     }
 
     /// Variance of [`Self::size`].
     pub(super) fn variance(&self) -> f64 {
-        self.scatter() / (self.i * self.i)
+        self.scatter() / (self.c * self.c)
     }
 
     /// Score in sigma; NaN without information.
@@ -77,8 +87,8 @@ mod tests {
     fn score(spans: &[[f64; 2]]) -> Score {
         let mut score = Score::new(Time::MIN);
         for [b, i] in spans {
-            score.add(0.25 * b, 0.5 * i);
-            score.add(0.75 * b, 0.5 * i);
+            score.add(0.25 * b, 0.5 * i, 0.5 * i);
+            score.add(0.75 * b, 0.5 * i, 0.5 * i);
             score.end_span();
         }
         score
@@ -101,6 +111,24 @@ mod tests {
         assert_eq!(score.size(), 2.0);
         assert!((score.variance() - 200.0 / 36.0).abs() < 1e-12);
         assert!((score.sigmas() - 12.0 / 200_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// The sensitivity before the samples is half of that of the samples: b = 12, i = 3 and c = 6 give the
+    /// size 2 with the variance 3 / 36.
+    #[test]
+    fn a_sensitivity_that_is_known_too_small_before_does_not_change_the_size() {
+        let mut score = Score::new(Time::MIN);
+        score.add(12.0, 3.0, 6.0);
+        assert_eq!((score.size(), score.variance()), (2.0, 3.0 / 36.0));
+        assert_eq!(score.sigmas(), 12.0 / 3_f64.sqrt());
+    }
+
+    /// The spans were off by 10 and -10, and are so from the fitted error as well.
+    #[test]
+    fn what_was_taken_off_is_not_found_again_and_its_uncertainty_stays() {
+        let score = score(&[[14.0, 2.0], [-2.0, 4.0]]);
+        let rest = score.less(score.size());
+        assert_eq!((rest.size(), rest.variance()), (0.0, score.variance()));
     }
 
     /// 7.5^2 - 6.8^2 is just above 10.

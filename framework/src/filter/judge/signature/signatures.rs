@@ -21,6 +21,10 @@ use crate::units::time::Time;
 /// without a bound a run of many sensors would cost the square of their number.
 const TESTED: usize = 64;
 
+/// What the filter does about an offset, and about a wrong parameter.
+const TAKEN_OFF: &str = "; the filter takes it off from now on, and not before";
+const CONTAINED: &str = "; the covariance contains it from now on, and not before";
+
 /// Score tests of the sensors.
 #[derive(Clone)]
 pub(in crate::filter) struct Signatures {
@@ -83,6 +87,38 @@ fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
     let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
     let rows = constant.flat_map(|b| b.tangent_range());
     BiasSteps::new(process.input?, rows, layout.tangent)
+}
+
+fn of(offset: &Option<Offset>) -> f64 {
+    offset.as_ref().map_or(0.0, Offset::score)
+}
+
+/// Score of the most significant of some offsets.
+fn best(offsets: &[Option<Offset>]) -> f64 {
+    offsets.iter().map(of).fold(0.0, f64::max)
+}
+
+/// The offset of a sensor, and the score that it has to exceed: another error of the sensor has to be
+/// less likely, and one of another sensor clearly so.
+fn rivals<'a>(
+    index: usize,
+    offsets: &'a mut [Option<Offset>],
+    steps: Option<&'a BiasSteps>,
+    parameters: &'a Parameters,
+) -> (Option<&'a mut Offset>, impl Fn() -> f64 + 'a) {
+    let (before, rest) = offsets.split_at_mut(index);
+    let (offset, after) = match rest.split_first_mut() {
+        Some((offset, after)) => (offset.as_mut(), after),
+        None => (None, Default::default()),
+    };
+    let (before, after) = (&*before, &*after);
+    let rival = move || {
+        let stepped = steps.map_or(0.0, BiasSteps::score);
+        let others = stepped.max(best(before)).max(best(after));
+        let others = others.max(parameters.score(true, |sensor| sensor != index));
+        parameters.score(true, |sensor| sensor == index).max(leading(others))
+    };
+    (offset, rival)
 }
 
 impl Signatures {
@@ -156,10 +192,11 @@ impl Signatures {
         }
     }
 
-    /// Takes an accepted sample before the state is corrected. Call after [`Update::apply`].
+    /// Takes a sample before the state is corrected, which counts with a weight: below one if the gate
+    /// refused it, and the state is not corrected. Call after [`Update::apply`].
     pub(in crate::filter) fn take(
         &mut self,
-        Measured { sensor: index, present }: Measured,
+        (Measured { sensor: index, present }, weight): (Measured, Option<f64>),
         model: &dyn AnyMeasurement,
         (at, transition): (&At<'_>, &Transition),
         update: &Update,
@@ -174,24 +211,86 @@ impl Signatures {
         y[..m].copy_from_slice(&update.innovation[..m]);
         forward(lower, m, &mut y[..m]);
         backward(lower, m, &mut y[..m]);
-        let (sample, time) = (Whitened { update, lower, y }, at.state.time);
+        let (used, weight) = (weight.is_none(), weight.unwrap_or(1.0));
+        let (sample, time) = (Whitened { update, lower, y, weight, used }, at.state.time);
         for (k, offset) in self.offsets.iter_mut().enumerate() {
             let Some(offset) = offset else { continue };
             let own = k == index;
-            offset.take(&sample, time, own.then_some(present));
             if own {
                 offset.follow(model, at);
             }
+            // a sample that is refused is evidence on its own sensor
+            if own || used {
+                offset.take(&sample, time, own.then_some(present));
+            }
+            if own && !used {
+                offset.keep(at.state);
+            }
         }
-        if let Some(steps) = &mut self.steps {
+        if let Some(steps) = self.steps.as_mut().filter(|_| used) {
             steps.take(&sample, time);
         }
         self.parameters.take(Measured { sensor: index, present }, &sample, model, at);
     }
 
-    /// Restarts the tests for steps: the errors up to a recovery are those of another fault.
+    /// Restarts the tests for steps and offsets: the errors up to a recovery are those of another fault.
     pub(in crate::filter) fn recovered(&mut self) {
-        self.steps.iter_mut().for_each(BiasSteps::restart);
+        let Self { offsets, steps, time, .. } = self;
+        steps.iter_mut().for_each(BiasSteps::restart);
+        offsets.iter_mut().flatten().for_each(|offset| offset.restart(*time));
+    }
+
+    /// Takes an offset that was found off a sample of its sensor.
+    pub(in crate::filter) fn compensate(
+        &self,
+        index: usize,
+        model: &dyn AnyMeasurement,
+        at: &At<'_>,
+        update: &mut Update,
+        present: u16,
+    ) {
+        if let Some(offset) = self.offsets[index].as_ref().filter(|o| o.compensates()) {
+            offset.compensate(model, at, update, present);
+        }
+    }
+
+    /// Returns `true` if an offset is taken off the samples of a sensor.
+    pub(in crate::filter) fn compensates(&self, index: usize) -> bool {
+        self.offsets[index].as_ref().is_some_and(Offset::compensates)
+    }
+
+    /// Takes the offset of a sensor off that was just found, and returns what it has moved the state by.
+    /// The other tests begin again, since they followed the innovations with that offset.
+    pub(in crate::filter) fn adopt(&mut self, index: usize) -> Option<Vec<f64>> {
+        let Self { offsets, steps, parameters, time, .. } = self;
+        let delta = offsets[index].as_mut()?.adopt(*time)?;
+        let others = offsets.iter_mut().enumerate().filter(|(k, _)| *k != index);
+        others.filter_map(|(_, offset)| offset.as_mut()).for_each(|offset| offset.restart(*time));
+        steps.iter_mut().for_each(BiasSteps::restart);
+        parameters.restart();
+        Some(delta)
+    }
+
+    /// Names an offset of a sensor of which the gate is about to refuse another sample, if that explains
+    /// those before. If it refuses many in a row, an offset that is taken off was none. Returns what it
+    /// finds, and whether the samples are explained.
+    pub(in crate::filter) fn explain(
+        &mut self,
+        (index, sensor, insists): (usize, &str, bool),
+        (layout, state): (&Layout, &State),
+        (covariance, considered): (&Covariance, &[bool]),
+    ) -> (Option<Finding>, bool) {
+        let Self { offsets, steps, parameters, containment, .. } = self;
+        containment.begin(state.time);
+        let (offset, rival) = rivals(index, offsets, steps.as_ref(), parameters);
+        let Some(offset) = offset else { return (None, false) };
+        let found = offset.refused((covariance, considered), containment, rival);
+        if !offset.adopts() && insists && offset.withdraw() {
+            return (Some(offset::withdrawn(state.time, sensor)), true);
+        }
+        let finding = |lag| offset::finding(&lag, state.time, sensor, layout);
+        let finding = found.map(|lag| containment.noted(finding(lag), TAKEN_OFF));
+        (finding, offset.adopts())
     }
 
     /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
@@ -207,29 +306,21 @@ impl Signatures {
         let time = state.time;
         let Self { offsets, steps, parameters, containment, .. } = self;
         containment.begin(time);
-        let of = |offset: &Option<Offset>| offset.as_ref().map_or(0.0, Offset::score);
-        let best = |offsets: &[Option<Offset>]| offsets.iter().map(of).fold(0.0, f64::max);
         if let Some(steps) = steps {
             let states = (&mut *covariance, considered);
-            let rival = || best(offsets).max(parameters.score(|_| true));
+            let rival = || best(offsets).max(parameters.score(false, |_| true));
             if let Some(step) = steps.corrected(time, states, containment, rival) {
                 report(step.finding(time, sensor(steps.sensor), layout));
             }
         }
-        // another error of the sensor has to be less likely, and one of another sensor clearly so
-        let stepped = || steps.as_ref().map_or(0.0, BiasSteps::score);
-        let (before, rest) = offsets.split_at_mut(index);
-        if let Some((Some(offset), after)) = rest.split_first_mut() {
-            let states = (&mut *covariance, considered);
-            let others = || stepped().max(best(before)).max(best(after));
-            let rival = || {
-                let others = others().max(parameters.score(|sensor| sensor != index));
-                parameters.score(|sensor| sensor == index).max(leading(others))
-            };
-            if let Some(found) = offset.corrected(state, states, containment, rival) {
-                report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
-            }
+        let (offset, rival) = rivals(index, offsets, steps.as_ref(), parameters);
+        let states = (&mut *covariance, considered);
+        let found = offset.and_then(|offset| offset.corrected(state, states, containment, rival));
+        if let Some(found) = found {
+            let finding = offset::finding(&found, time, sensor(index), layout);
+            report(containment.noted(finding, TAKEN_OFF));
         }
+        let stepped = || steps.as_ref().map_or(0.0, BiasSteps::score);
         let rival = |sensor: usize| {
             let (before, rest) = offsets.split_at(sensor);
             let after = rest.get(1..).unwrap_or_default();
@@ -238,7 +329,8 @@ impl Signatures {
         };
         let states = (covariance, considered);
         if let Some(wrong) = parameters.corrected(time, states, containment, rival) {
-            report(containment.noted(wrong.finding(state, sensor(wrong.sensor()), layout)));
+            let finding = wrong.finding(state, sensor(wrong.sensor()), layout);
+            report(containment.noted(finding, CONTAINED));
         }
         std::mem::take(&mut containment.widened)
     }

@@ -87,18 +87,64 @@ fn a_stuck_instrument_is_survived_or_named() {
     }
 }
 
-/// The descent begins at 320 s, at up to 1 m/s: five equal depths at 2 Hz are soon beyond the noise.
+/// The descent begins at 320 s, at up to 1 m/s: five equal depths at 2 Hz are soon beyond the noise. At the
+/// surface the vehicle keeps its depth, and the noise of the samples before shows that they are no chance:
+/// they had no repetition in 500 samples, so that four in a row have 3e-10.
 #[test]
-fn a_stuck_depth_is_rejected_in_a_descent_and_no_fault_at_the_surface() {
+fn a_stuck_depth_is_rejected_in_a_descent_and_at_the_surface() {
     let stuck = |from: u32, to: u32| {
         let fault = format!("{{ type = \"frozen\", from = \"{from} s\", to = \"{to} s\" }}");
         bench::run(DIVE, &[STOP, &format!("sensor.depth.simulation.faults=[{fault}]")])
     };
     let (surface, descent) = (stuck(250, 300), stuck(300, 380));
-    assert!(worst(&surface, "depth").is_none(), "{:?}", surface.finished.findings);
-    survived_or_named(&descent, "depth");
-    assert!(worst(&descent, "depth").unwrap().text.contains("stuck"));
+    for trial in [&surface, &descent] {
+        let finding = worst(trial, "depth").unwrap();
+        assert!(
+            finding.text.contains("stuck") && finding.severity == Severity::Contained,
+            "{finding:?}"
+        );
+        assert!(trial.errors.largest().0 <= 3.5, "{:?}", trial.errors.largest());
+    }
+    assert!(surface.errors.outcomes["depth Repeated"] > 90, "{:?}", surface.errors.outcomes);
     assert!(descent.errors.outcomes["depth Repeated"] > 80, "{:?}", descent.errors.outcomes);
+}
+
+/// Rows of equal samples in draws of sensor, rate, time and resolution, while the vehicle may keep the value.
+#[test]
+fn a_sensor_that_repeats_a_sample_is_stuck_if_its_noise_is_above_its_resolution() {
+    let cases = [
+        ("depth", 2, 250, ""),
+        ("depth", 10, 230, ""),
+        ("depth", 5, 270, "{ type = \"quantisation\", size = \"1 cm\" }, "),
+        ("dvl", 5, 250, ""),
+        ("dvl", 2, 420, "{ type = \"quantisation\", size = \"1 mm/s\" }, "),
+    ];
+    for (seed, (sensor, rate, from, read)) in cases.into_iter().enumerate() {
+        let frozen =
+            format!("{{ type = \"frozen\", from = \"{from} s\", to = \"{} s\" }}", from + 50);
+        let simulation = format!(
+            "sensor.{sensor}.simulation={{ rate = \"{rate} Hz\", faults = [{read}{frozen}] }}"
+        );
+        let trial = bench::run(DIVE, &[STOP, &format!("seed={seed}"), &simulation]);
+        let finding = worst(&trial, sensor).unwrap_or_else(|| panic!("{simulation}"));
+        assert!(finding.text.contains("stuck"), "{simulation}: {finding:?}");
+        assert_eq!(finding.severity, Severity::Contained, "{simulation}");
+        assert!(trial.errors.largest().0 <= 4.0, "{simulation}: {:?}", trial.errors.largest());
+    }
+}
+
+/// A resolution of four to twenty times the noise: at the surface the sensor repeats its samples by right. In
+/// a descent steps of that size are no noise of 5 cm, and the motion shows it.
+#[test]
+fn a_sensor_with_a_coarse_resolution_does_not_scatter() {
+    for (seed, size) in ["20 cm", "50 cm", "1 m"].into_iter().enumerate() {
+        let fault = format!(
+            "sensor.depth.simulation.faults=[{{ type = \"quantisation\", size = \"{size}\" }}]"
+        );
+        let trial = bench::run(DIVE, &[STOP, &format!("seed={seed}"), &fault]);
+        let stuck = trial.finished.findings.iter().find(|f| f.text.contains("scattered"));
+        assert!(stuck.is_none(), "{size}: {stuck:?}");
+    }
 }
 
 #[test]
@@ -113,8 +159,9 @@ fn a_left_handed_dvl_is_named() {
 
 /// The offset, s, and its distance from zero in sigma, in the text of a finding.
 fn time_offset(finding: &Finding) -> Option<(f64, f64)> {
-    let (offset, rest) = finding.text.split_once("time offset of ")?.1.split_once(" s (")?;
-    Some((offset.parse().ok()?, rest.split_once(" sigma")?.0.parse().ok()?))
+    let (offset, rest) = finding.text.split_once("time offset of ")?.1.split_once(" s +- ")?;
+    let sigmas = rest.split_once(" (")?.1.split_once(" sigma")?.0;
+    Some((offset.parse().ok()?, sigmas.parse().ok()?))
 }
 
 #[test]

@@ -95,6 +95,47 @@ fn a_channel_that_jumps_costs_that_channel_and_not_the_sample() {
     }
 }
 
+/// A receiver whose samples are stamped late or early, at several rates and noises. The lag is named with its
+/// size, for all its samples that the gate refuses first. What follows is right within its sigma, of up to
+/// 0.6 m for each axis, or the run refuses its result.
+#[test]
+fn a_receiver_that_lags_is_named_with_its_lag_which_is_taken_off() {
+    let receivers =
+        [(1, "1 m", "5 cm/s"), (1, "2 m", "10 cm/s"), (2, "1 m", "5 cm/s"), (5, "1 m", "10 cm/s")];
+    let lags = [0.3, -0.2, 0.1, 0.5, 0.2, -0.35];
+    let mut wide = Vec::new();
+    for (seed, lag) in (0..12).zip(lags.into_iter().cycle()) {
+        let (rate, horizontal, velocity) = receivers[seed % receivers.len()];
+        let fault = format!("{{ type = \"clock-offset\", size = \"{lag} s\" }}");
+        let settings = [
+            format!("sensor.gnss.horizontal_noise=\"{horizontal}\""),
+            format!("sensor.gnss.vertical_noise=\"{horizontal}\""),
+            format!("sensor.gnss.velocity_noise=\"{velocity}\""),
+            format!("sensor.gnss.simulation={{ rate = \"{rate} Hz\", faults = [{fault}] }}"),
+        ];
+        let settings = settings.each_ref().map(String::as_str);
+        let (trial, case) = (car(seed, &settings), format!("{lag} s at {rate} Hz, {velocity}"));
+        let (largest, place) = trial.errors.final_largest();
+        let refused = severity(&trial) == Some(Severity::DoNotUse);
+        assert!(largest <= 3.5 || refused, "{case}: {largest} {place}");
+        assert!(off(&trial) < 2.0, "{case}: {} m", off(&trial));
+        let named = trial.finished.findings.iter().find_map(|finding| lag_of(&finding.text));
+        let Some([found, sigma]) = named else {
+            panic!("{case}: {:?}", trial.finished.findings);
+        };
+        wide.extend(((found - lag).abs() > 2.0 * sigma).then_some((case.clone(), found, sigma)));
+        assert!((found - lag).abs() < 4.0 * sigma, "{case}: {found} {sigma}");
+    }
+    // one in twenty is beyond two sigma
+    assert!(wide.len() <= 3, "{wide:?}");
+}
+
+/// The lag in the text of a finding, and its sigma, s.
+fn lag_of(text: &str) -> Option<[f64; 2]> {
+    let (lag, rest) = text.split_once("time offset of ")?.1.split_once(" s +- ")?;
+    Some([lag.parse().ok()?, rest.split_once(" s (")?.0.parse().ok()?])
+}
+
 /// Noise of 2.5 to 5 times the stated one.
 #[test]
 fn a_receiver_that_states_too_small_a_noise_is_used_with_the_noise_of_its_samples() {
