@@ -61,7 +61,12 @@ impl Patch {
         let sigma = format!("\"{} {of}\"", number.parse::<f64>().ok()? / 5.0);
         let others = self.settings.iter().filter(|setting| !setting.starts_with(path.as_str()));
         let settings = others.cloned().chain(about(&self.settings, path, &initial, &sigma));
-        let text = format!("{} estimated about {}", name.replacen('.', ": ", 1), values.join(", "));
+        // a cause that no key mends in full keeps its name
+        let what = match self.unmended {
+            Some(_) => format!("{},", self.text),
+            None => name.replacen('.', ": ", 1),
+        };
+        let text = format!("{what} estimated about {}", values.join(", "));
         Some(Self { text: text.replace('"', ""), settings: settings.collect(), ..self.clone() })
     }
 

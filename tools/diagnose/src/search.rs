@@ -31,6 +31,12 @@ pub(crate) struct Search<'a> {
     planned: AtomicUsize,
 }
 
+/// Number of parameters of a change: those that it names, or the components of the state that its run
+/// estimates.
+fn parameters(patch: &Patch, outcome: &Outcome) -> usize {
+    patch.parameters.max(outcome.estimate.as_ref().map_or(0, |row| row.estimate.len()))
+}
+
 /// A change and its run.
 type Run = (Patch, Outcome);
 
@@ -142,19 +148,21 @@ impl<'a> Search<'a> {
         let (before, n) = (total(base), wanted.values().flatten().sum::<u64>().max(1) as f64);
         let score = |(patch, outcome): &Run| {
             let gain = 2.0 * (total(outcome) - before);
-            let state = outcome.estimate.as_ref().map_or(0, |row| row.estimate.len());
-            let parameters = patch.parameters.max(state) as f64;
-            (gain, gain - parameters * n.ln() - 2.0 * patch.choices)
+            (gain, gain - parameters(patch, outcome) as f64 * n.ln() - 2.0 * patch.choices)
         };
         runs.iter().map(score).collect()
     }
 
-    /// The changes with the highest scores.
+    /// The changes with the highest scores, each with the parameters that its run estimated.
     fn ranked(&self, base: &Outcome, runs: &[Run], most: usize) -> Vec<Patch> {
         let scores = self.scores(base, runs);
         let mut order: Vec<usize> = (0..runs.len()).collect();
         order.sort_by(|a, b| scores[*b].1.total_cmp(&scores[*a].1));
-        order.into_iter().take(most).map(|k| runs[k].0.clone()).collect()
+        let counted = |(patch, outcome): &Run| Patch {
+            parameters: parameters(patch, outcome),
+            ..patch.clone()
+        };
+        order.into_iter().take(most).map(|k| counted(&runs[k])).collect()
     }
 
     /// The run with the highest score, if the samples favour it.
@@ -177,8 +185,12 @@ impl<'a> Search<'a> {
         let Some((first, others)) = best.split_first() else { return Vec::new() };
         let noise = self.best(base, runs).map(|(_, outcome)| suggested(self.scene, outcome));
         let noise = noise.unwrap_or_default();
-        let others = others.iter().chain(&noise);
-        others.filter(|other| !first.collides(other)).map(|other| first.with(other)).collect()
+        let others = others.iter().chain(&noise).filter(|other| !first.collides(other));
+        let mut pairs: Vec<Patch> = others.map(|other| first.with(other)).collect();
+        // each was chosen among all of them
+        let choices = (pairs.len().max(1) as f64).ln();
+        pairs.iter_mut().for_each(|pair| pair.choices += choices);
+        pairs
     }
 
     /// The trials, the best first.
