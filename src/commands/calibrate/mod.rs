@@ -32,7 +32,7 @@ Examples:
   navfuse calibrate dive.mcap --method all         all methods, on a log
   # errors against sigma over 20 seeds, with GNSS and depth
   navfuse calibrate scenarios/calibration.toml --method all --runs 20
-  navfuse calibrate dive.mcap --method all --out runs/calibration   the same as a page
+  navfuse calibrate dive.mcap --method all --out runs/dive  the same as a page
   # values and sigma for the next dive; values alone, to filter this dive again
   navfuse calibrate dive.toml --write next.toml
   navfuse calibrate dive.toml --initialise again.toml

@@ -2,6 +2,7 @@
 
 use crate::health::Judged;
 use crate::residuals::Residuals;
+pub(crate) use crate::row::{Row, displacement};
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
@@ -9,9 +10,8 @@ use navfuse_core::model::record::{Derived, Event, Level};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
-use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::thin::{Merge, Thin};
+use navfuse_core::units::thin::Thin;
 use navfuse_core::units::time::Time;
 
 /// Largest number of recorded events of each level.
@@ -103,28 +103,6 @@ impl Filtered {
     fn push(&mut self, row: Row) {
         self.last = row.clone();
         self.rows.push(row);
-    }
-}
-
-/// Estimate of a block at one epoch, in display units.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Row {
-    /// Time, s.
-    pub time: f64,
-    /// Estimate of each component.
-    pub estimate: Vec<f64>,
-    /// 1-sigma of each component.
-    pub sigma: Vec<f64>,
-    /// Estimate minus truth; empty if the truth is not known.
-    pub error: Vec<f64>,
-}
-
-impl Merge for Row {
-    /// Keeps the first row with an error, so that a slow reference remains visible.
-    fn merge(&mut self, next: Self) {
-        if self.error.is_empty() && !next.error.is_empty() {
-            *self = next;
-        }
     }
 }
 
@@ -463,18 +441,4 @@ impl BlockHistory {
             }
         })
     }
-}
-
-/// Returns the displacement between two positions in north, east and down, m; positions are
-/// latitude and longitude in deg and height in m.
-pub(crate) fn displacement(to: &[f64], from: &[f64]) -> [f64; 3] {
-    let place = |p: &[f64]| match *p {
-        [latitude, longitude, height] => Some(Geodetic {
-            latitude: latitude.to_radians(),
-            longitude: longitude.to_radians(),
-            height,
-        }),
-        _ => None,
-    };
-    place(to).zip(place(from)).map_or([f64::NAN; 3], |(to, from)| to.ned_from(&from).into())
 }

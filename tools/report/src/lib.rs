@@ -21,13 +21,15 @@ pub mod plots;
 pub mod quality;
 mod residuals;
 mod results;
+mod row;
 mod sensors;
 mod sink;
 
 pub use health::{Span, Strip};
-pub use history::{BlockHistory, Row, RunHistory, Travelled};
+pub use history::{BlockHistory, RunHistory, Travelled};
 pub use log::read_log;
 pub use navfuse_core::units::thin::{Merge, ROWS, Thin};
 pub use residuals::Residuals;
+pub use row::Row;
 pub use sensors::{Consistency, Envelope, Innovation, SensorHistory, Updates};
 pub use sink::Recorder;
