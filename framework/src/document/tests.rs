@@ -227,10 +227,10 @@ fn a_malformed_override_is_refused_and_changes_nothing() {
     let before = d.to_toml();
     for (set, reason) in [
         ("name", "`key.path=value` is needed"),
-        ("=1", "no key path"),
-        ("a..b=1", "no key path"),
-        ("a b=1", "no key path"),
-        ("[x]\na=1", "no key path"),
+        ("=1", "not a key path"),
+        ("a..b=1", "not a key path"),
+        ("a b=1", "not a key path"),
+        ("[x]\na=1", "not a key path"),
         ("name=", "a value is needed"),
         ("name=\"x", "the value is not TOML"),
         ("name=[1, 2", "the value is not TOML"),

@@ -55,6 +55,27 @@ impl Pose {
 }
 
 /// True motion of a body in a simulation.
+///
+/// A barge that lies at anchor, with its bow to the east:
+/// ```
+/// use nalgebra::UnitQuaternion;
+/// use navfuse_core::model::sensor::body::{Pose, Track};
+/// use navfuse_core::state::geodesy::Geodetic;
+/// use navfuse_core::units::time::Time;
+///
+/// #[derive(Debug)]
+/// struct Barge(Geodetic);
+///
+/// impl Track for Barge {
+///     fn pose(&self, _: Time) -> Pose {
+///         let east = std::f64::consts::FRAC_PI_2;
+///         Pose { position: self.0, c_b_n: UnitQuaternion::from_euler_angles(0.0, 0.0, east) }
+///     }
+/// }
+///
+/// let barge = Barge(Geodetic { latitude: 0.75, longitude: 0.1, height: 0.0 });
+/// assert_eq!(barge.pose(Time::from_nanos(0)), barge.pose(Time::from_nanos(1)));
+/// ```
 pub trait Track: std::fmt::Debug + Send + Sync {
     /// The pose at a time.
     fn pose(&self, time: Time) -> Pose;
