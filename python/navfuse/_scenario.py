@@ -177,7 +177,7 @@ class Scenario:
         """
         sink = None
         if on_epoch is not None:
-            estimate: dict[str, Any] = json.loads(_navfuse.Session(self._inner, False).text)
+            estimate: dict[str, Any] = json.loads(_navfuse.Session(self._inner, False, None).text)
             sink = lambda row: on_epoch(Epoch(estimate, np.array(row)))  # noqa: E731
         with _shown(progress) as show:
             result = self._inner.run(None if out is None else os.fspath(out), covariance, show, sink)
