@@ -25,7 +25,7 @@ Examples:
   navfuse diagnose dive.toml
   navfuse diagnose dive.toml --apply mended.toml && navfuse run mended.toml
   navfuse diagnose runs/dive/run.mcap --set sensor.gnss.enabled=false
-  navfuse diagnose dive.toml --out runs/diagnosis     a page, and the numbers as JSON
+  navfuse diagnose dive.toml --out runs/diagnosis  a page, and numbers as JSON
   navfuse diagnose dive.toml --format json | jq .trials[0]
 
 The command runs the samples again with each of some hundred changes of the scenario: lags, \
