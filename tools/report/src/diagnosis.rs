@@ -1,7 +1,7 @@
 //! A diagnosis as one page, which opens offline: the best change, all changes that were tried on
 //! the whole recording, and by how much the samples favour each.
 
-use crate::page::{document, picture};
+use crate::page::{document, footer, picture, scenario_section};
 use crate::plots::curve;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::band;
@@ -49,12 +49,9 @@ pub fn page(name: &str, scenario: &str, diagnosis: &Diagnosis) -> Result<String,
                     "100 consistent runs in the band, if their innovations are independent."
                 })?)
             }
-            section #scenario {
-                h2 { "Scenario" }
-                details { summary { "TOML, as it is" } pre { (scenario) } }
-            }
+            (scenario_section("TOML, as it is", scenario))
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
 }

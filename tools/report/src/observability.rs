@@ -1,7 +1,7 @@
 //! The observability of a run as one page, which opens offline.
 
 use crate::page::tables::verdicts;
-use crate::page::{document, picture};
+use crate::page::{document, footer, picture};
 use maud::html;
 use navfuse_figures::{Figure, FigureError};
 use navfuse_observability::ObservabilityReport;
@@ -51,7 +51,7 @@ pub fn page(report: &ObservabilityReport) -> Result<String, FigureError> {
                 })?)
             }
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
 }

@@ -5,7 +5,7 @@ mod repeated;
 
 pub use repeated::page as repeated;
 
-use crate::page::{document, picture};
+use crate::page::{document, footer, scenario_section, titled};
 use crate::plots::{curve, over_time};
 use maud::{Markup, html};
 use navfuse_calibration::words::{COMPONENTS, decimals, found, notes, settles, unit, value};
@@ -67,22 +67,15 @@ pub fn page(
             }
             section #plots {
                 h2 { "Figures" }
-                @for figure in figures.iter().flatten() {
-                    h3 { (figure.title) }
-                    @let drawn = Figure { title: String::new(), ..figure.clone() };
-                    (picture(&drawn, &html! {})?)
-                }
+                (titled(figures.iter().flatten())?)
                 p.note {
                     "Each method at its number in the table. The axes show the estimates that have a "
                     "sigma."
                 }
             }
-            section #scenario {
-                h2 { "Scenario" }
-                details { summary { "TOML, as it was used" } pre { (scenario) } }
-            }
+            (scenario_section("TOML, as it was used", scenario))
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
 }

@@ -2,7 +2,7 @@
 
 use super::label;
 use crate::histogram::{ALPHA, Bar, histogram};
-use crate::page::{document, picture};
+use crate::page::{document, footer, scenario_section, titled};
 use maud::{Markup, html};
 use navfuse_calibration::Repeated;
 use navfuse_calibration::words::{COMPONENTS, decimals, settles, unit};
@@ -51,11 +51,7 @@ pub fn page(
             }
             section #plots {
                 h2 { "Figures" }
-                @for figure in known().filter_map(figure) {
-                    h3 { (figure.title) }
-                    @let drawn = Figure { title: String::new(), ..figure.clone() };
-                    (picture(&drawn, &html! {})?)
-                }
+                (titled(known().filter_map(figure))?)
                 p.note {
                     "Error over sigma of each run. A consistent method follows the dotted line; "
                     "chance leaves 95 of 100 bars in the band. The outer bars hold everything "
@@ -63,12 +59,9 @@ pub fn page(
                     " runs, has no figure."
                 }
             }
-            section #scenario {
-                h2 { "Scenario" }
-                details { summary { "TOML, as it was run" } pre { (scenario) } }
-            }
+            (scenario_section("TOML, as it was run", scenario))
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
 }

@@ -3,7 +3,7 @@
 
 mod nees;
 
-use crate::page::{document, picture};
+use crate::page::{document, footer, picture, scenario_section, titled};
 use maud::{Markup, html};
 use navfuse_campaign::words::{band, begins, number, ratio};
 use navfuse_campaign::{
@@ -78,19 +78,11 @@ pub fn page(
             }
             section #plots {
                 h2 { "Figures" }
-                @for figure in figures {
-                    // the heading of a figure is on the page, not in the drawing
-                    @let drawn = Figure { title: String::new(), ..figure.clone() };
-                    h3 { (figure.title) }
-                    (picture(&drawn, &html! {})?)
-                }
+                (titled(figures)?)
             }
-            section #scenario {
-                h2 { "Scenario" }
-                details { summary { "TOML, as it was run" } pre { (campaign.text) } }
-            }
+            (scenario_section("TOML, as it was run", &campaign.text))
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
 }

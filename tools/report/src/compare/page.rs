@@ -2,7 +2,7 @@
 
 use super::{Comparison, SensorCounts, StateNumbers};
 use crate::page::tables::number;
-use crate::page::{document, picture};
+use crate::page::{document, footer, picture, titled, untitled};
 use maud::{Markup, html};
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_figures::{Figure, FigureError};
@@ -58,20 +58,12 @@ pub fn comparison(
             }
             section #figures {
                 h2 { "Figures" }
-                @for figure in figures {
-                    h3 { (figure.title) }
-                    (picture(&untitled(figure), &html! {})?)
-                }
+                (titled(figures)?)
             }
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&title, &body))
-}
-
-/// The figure without its heading, which is on the page.
-fn untitled(figure: &Figure) -> Figure {
-    Figure { title: String::new(), ..figure.clone() }
 }
 
 fn runs(comparison: &Comparison) -> Markup {

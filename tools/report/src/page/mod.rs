@@ -11,6 +11,7 @@ use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_figures::{Figure, FigureError, Look, svg};
 use navfuse_observability::ObservabilityReport;
+use std::borrow::Borrow;
 
 /// Script of every page, without which the page is complete: values under the pointer, and zoom.
 const SCRIPT: &str = include_str!("../page.js");
@@ -71,6 +72,41 @@ pub(crate) fn picture(figure: &Figure, caption: &Markup) -> Result<Markup, Figur
             figcaption { (caption) }
         }
     })
+}
+
+/// A figure without its title, which is a heading of the page.
+pub(crate) fn untitled(figure: &Figure) -> Figure {
+    Figure { title: String::new(), ..figure.clone() }
+}
+
+/// Figures one below the other, each below its title.
+pub(crate) fn titled(
+    figures: impl IntoIterator<Item = impl Borrow<Figure>>,
+) -> Result<Markup, FigureError> {
+    Ok(html! {
+        @for figure in figures {
+            @let figure = figure.borrow();
+            h3 { (figure.title) }
+            (picture(&untitled(figure), &html! {})?)
+        }
+    })
+}
+
+/// The section with the text of a scenario, folded below some words.
+pub(crate) fn scenario_section(words: &str, scenario: &str) -> Markup {
+    html! {
+        section #scenario {
+            h2 { "Scenario" }
+            details { summary { (words) } pre { (scenario) } }
+        }
+    }
+}
+
+/// The last line of a page.
+pub(crate) fn footer() -> Markup {
+    html! {
+        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+    }
 }
 
 /// Replaces the word for the truth in the legends of a figure.
@@ -224,12 +260,9 @@ pub fn report(
                 }
             }
             (tables::events(history))
-            section #scenario {
-                h2 { "Scenario" }
-                details { summary { "TOML, as it was run" } pre { (history.scenario) } }
-            }
+            (scenario_section("TOML, as it was run", &history.scenario))
         }
-        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+        (footer())
     };
     Ok(document(&history.name, &body))
 }
