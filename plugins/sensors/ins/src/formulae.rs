@@ -18,7 +18,9 @@
 //! as in the paper.
 
 use crate::earth::LocalEarth;
-use crate::mechanisation::{Increments, MechanisationError, NavState, StepRates, check, wrapped};
+use crate::mechanisation::{
+    Increments, MechanisationError, NavState, StepRates, check, check_length, wrapped,
+};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::Geodetic;
@@ -91,10 +93,7 @@ impl Formulae {
         inc: &Increments,
         sample_dt: f64,
     ) -> Result<(NavState, StepRates), MechanisationError> {
-        // Written so that a NaN fails too.
-        if !(inc.dt > 0.0 && sample_dt > 0.0) {
-            return Err(MechanisationError::Interval { dt: inc.dt.min(sample_dt) });
-        }
+        check_length(inc, sample_dt)?;
         let polynomial = self.polynomial(&inc.part(sample_dt / inc.dt));
         let begin = self.pending.dt;
         let rates = |time: f64| polynomial.rates(begin + time);

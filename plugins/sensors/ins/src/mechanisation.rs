@@ -153,10 +153,7 @@ impl Mechanisation {
         inc: &Increments,
         sample_dt: f64,
     ) -> Result<(NavState, StepRates), MechanisationError> {
-        // Written so that a NaN fails too.
-        if !(inc.dt > 0.0 && sample_dt > 0.0) {
-            return Err(MechanisationError::Interval { dt: inc.dt.min(sample_dt) });
-        }
+        check_length(inc, sample_dt)?;
         let (rotation, dvel) = self.coning_sculling(inc, sample_dt);
         let latitude = state.position.latitude;
         let node = match self.node {
@@ -353,6 +350,16 @@ fn advance(
 #[inline(always)]
 pub(crate) fn wrapped(longitude: f64) -> f64 {
     if longitude.abs() > PI { longitude - (2.0 * PI).copysign(longitude) } else { longitude }
+}
+
+/// Rejects a part of a sample, or a sample, that lasts no time.
+#[inline(always)]
+pub(crate) fn check_length(inc: &Increments, sample_dt: f64) -> Result<(), MechanisationError> {
+    // Written so that a NaN fails too.
+    if !(inc.dt > 0.0 && sample_dt > 0.0) {
+        return Err(MechanisationError::Interval { dt: inc.dt.min(sample_dt) });
+    }
+    Ok(())
 }
 
 /// Rejects the result of a step that is not finite or too near a pole.
