@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from navfuse._sensor import Array, Own, Parameter, Places, States, covariance
+from navfuse._sensor import Array, Numbers, Own, Parameter, Places, States, covariance, together
 
 #: Names and shapes of a motion, in the order of the extension module.
 _MOTION: dict[str, tuple[int, ...]] = {
@@ -131,15 +132,15 @@ def _shapes(parameters: Mapping[str, Parameter]) -> dict[str, tuple[int, ...]]:
     return {name: p.shape for name, p in parameters.items()}
 
 
-def _moved(made: Process, answer: Mapping[str, ArrayLike], n: int) -> Array:
+def _moved(made: Process, answer: Mapping[str, Any], n: int, numbers: Numbers) -> Array:
     """The states of an answer as rows of numbers."""
     columns = []
     for name, parameter in made.states.items():
         if name not in answer:
             raise ValueError(f"{type(made).__name__}.propagate returned no {name!r}")
         shape = (n, *parameter.shape)
-        value = np.asarray(answer[name], dtype=np.float64)
-        if value.size != np.prod(shape):
+        value = numbers(answer[name], n)
+        if value.size != math.prod(shape):
             kind = f"{type(made).__name__}.propagate returned {name!r}"
             raise ValueError(f"{kind} of the shape {value.shape} for {n} states of {parameter.shape}")
         columns.append(value.reshape(n, -1))
@@ -151,17 +152,14 @@ def _propagate(made: Process) -> Callable[[bytes, float], bytes]:
     channels = Places(dict.fromkeys(made.channels, ()))
     width = own.width + channels.width
 
-    def step(numbers: Array, dt: float) -> Mapping[str, ArrayLike]:
-        x, u = numbers[..., : own.width], numbers[..., own.width :]
-        return made.propagate(States(x, own), States(u, channels), dt)
+    def propagated(rows: Array, many: bool, numbers: Numbers, dt: float) -> Array:
+        states, inputs = (own.many, channels.many) if many else (own.states, channels.states)
+        x, u = states(rows[..., : own.width], own), inputs(rows[..., own.width :], channels)
+        n = 1 if rows.ndim == 1 else len(rows)
+        return _moved(made, made.propagate(x, u, dt), n, numbers)
 
-    def call(data: bytes, dt: float) -> bytes:
-        rows = np.frombuffer(data, dtype=np.float64).reshape(-1, width)
-        if made.vectorised:
-            return _moved(made, step(rows, dt), len(rows)).tobytes()
-        return b"".join(_moved(made, step(row, dt), 1).tobytes() for row in rows)
-
-    return call
+    compute = together(propagated, made.vectorised)
+    return lambda data, dt: compute(np.frombuffer(data).reshape(-1, width), dt).tobytes()
 
 
 def _follow(made: Process, motion: bytes) -> list[list[float] | None]:

@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -215,7 +214,8 @@ class Scenario:
                 ``vel_x_mps`` or ``vel_x_cmps``; without a unit they are in SI. The time is in
                 ``time_s``, ``time_ms``, ``time_us`` or ``time_ns``, or in the index; dates are taken
                 too. :meth:`check` names the channels. A channel without a column is missing in every
-                sample; a warning names it if the table has columns that fit no channel.
+                sample. Other headings, such as ``ACC X [m/s^2]``, are recognised as ``navfuse import``
+                does if a channel lacks its column; a warning names what was recognised, or the channel.
 
         A sensor without a table has no samples: give the ``reference`` too if it starts the filter.
 
@@ -232,15 +232,7 @@ class Scenario:
         order = list(described)  # of samples of one time, as in a recording
         known = {sensor: order.index(sensor) for sensor in sensors if sensor in described}
         for sensor, data in sorted(sensors.items(), key=lambda item: known.get(item[0], -1)):
-            channels = described[sensor]["channels"] if sensor in described else {}
-            try:
-                at, headings, columns = _samples.table(data, list(channels))
-            except ValueError as error:
-                raise ValueError(f"[sensor.{sensor}]: {error}") from None
-            inner = inner.with_rows(sensor, at, headings, columns)
-            if described[sensor]["purpose"] != "drives a process":  # which needs all its channels
-                fits = partial(_fits, inner, sensor)
-                _samples.warn_of_unused(sensor, channels, headings, fits)
+            inner = _samples.added(inner, sensor, data, described.get(sensor))
         return self._with(inner)
 
     def with_sensors(self, *sensors: type[Sensor]) -> Scenario:
@@ -353,6 +345,19 @@ class Scenario:
         with _shown(progress) as show:
             return _loaded(_navfuse.diagnose(self._inner, jobs, show))
 
+    def conformance(self, *, progress: bool | Progress = False) -> list[dict[str, Any]]:
+        """Checks the classes of :meth:`with_sensors` and :meth:`with_processes` as the conformance kit
+        checks the types of navfuse: derivatives, noise, units, repeated runs, and consistency.
+
+        The scenario is a simulated one of a minute or two that uses them.
+
+        Returns:
+            A dictionary for each check: its name ``check``, the type ``about``, ``passed``, and the
+            numbers or the problem in ``text``.
+        """
+        with _shown(progress) as show:
+            return cast("list[dict[str, Any]]", json.loads(_navfuse.conformance(self._inner, show)))
+
     def observability(self, *, progress: bool | Progress = False) -> dict[str, Any]:
         """Which states the scenario determines, and since when.
 
@@ -381,15 +386,6 @@ def finished(result: dict[str, Any]) -> Run:
             error.run = run
         raise error
     return run
-
-
-def _fits(inner: _navfuse.Scenario, sensor: str, heading: str) -> bool:
-    """Whether a column belongs to a channel of a sensor."""
-    try:
-        inner.with_rows(sensor, (b"", False), [heading], b"")
-    except DataError:
-        return False
-    return True
 
 
 def _assignment(key: str, value: object) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -12,7 +13,21 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from navfuse._many import Many, numbers
+
 Array = NDArray[np.float64]
+
+#: Number of states up to which one after the other is quicker.
+FEW = 2
+
+#: Index of a state in a row of numbers, and its shape if it is a matrix.
+Place = tuple[slice | int, tuple[int, ...] | None]
+
+#: The numbers of what a class returned for n states.
+Numbers = Callable[[Any, int], Array]
+
+#: The equations of a class at a row, or at rows, of numbers; set where :class:`Many` stands for rows.
+Equations = Callable[..., Array]
 
 
 @dataclass(frozen=True)
@@ -89,18 +104,30 @@ class States:
         place = self._places.full.get(name)
         if place is None:
             raise KeyError(f"the class does not read {name!r}; it reads {', '.join(self._places.full)}")
-        return self._at(*place)
+        return self._at(place)
 
     def __getattr__(self, name: str) -> Array:
         place = self._places.short.get(name)
         if place is None:
             read = ", ".join(self._places.full)
             raise AttributeError(f"the class does not read {name!r}; it reads {read}")
-        return self._at(*place)
+        return self._at(place)
 
-    def _at(self, at: slice, shape: tuple[int, ...]) -> Array:
-        numbers = self._numbers[..., at]
-        return numbers.reshape(numbers.shape[:-1] + shape)
+    def _at(self, place: Place) -> Array:
+        at, shape = place
+        numbers: Array = self._numbers[..., at]
+        return numbers if shape is None else numbers.reshape(numbers.shape[:-1] + shape)
+
+
+class ManyStates(States):
+    """Many states, for a class that is written for one."""
+
+    __slots__ = ()
+
+    def _at(self, place: Place) -> Any:
+        at, shape = place
+        numbers = self._numbers[:, at]
+        return Many(numbers if shape is None else numbers.reshape(len(numbers), *shape))
 
 
 class Places:
@@ -113,14 +140,69 @@ class Places:
     """
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
-        self.full: dict[str, tuple[slice, tuple[int, ...]]] = {}
-        self.short: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        self.full: dict[str, Place] = {}
+        self.short: dict[str, Place] = {}
         self.width = 0
         for name, shape in shapes.items():
             end = self.width + math.prod(shape)
-            self.full[name] = slice(self.width, end), shape
+            at = slice(self.width, end) if shape else self.width
+            self.full[name] = at, shape if len(shape) > 1 else None
             self.short.setdefault(name.rpartition(".")[2], self.full[name])
             self.width = end
+        # with attributes that Python finds at once, in place of __getattr__
+        found = {short: _attribute(place) for short, place in self.short.items()}
+        self.states: type[States] = type("States", (States,), {"__slots__": (), **found})
+        self.many: type[States] = type("States", (ManyStates,), {"__slots__": (), **found})
+
+
+def _attribute(place: Place) -> property:
+    def state(x: States) -> Array:
+        return x._at(place)
+
+    return property(state)
+
+
+def together(equations: Equations, vectorised: bool) -> Callable[..., Array]:
+    """The equations of a class at rows of numbers: in one call, or one row after the other.
+
+    One call serves a class that is ``vectorised``, and else one whose operations :class:`Many` knows.
+    Whether it is one depends on nothing but the rows, so that a run that goes on from a checkpoint has
+    the same bits. The first time, its result is compared with the one of each row.
+    """
+    trusted: bool | None = None
+
+    def single(row: Array, *more: Any) -> Array:
+        return equations(row, False, _plain, *more)
+
+    def each(rows: Array, *more: Any) -> Array:
+        return np.concatenate([single(row, *more) for row in rows])
+
+    def compute(rows: Array, *more: Any) -> Array:
+        nonlocal trusted
+        if vectorised:
+            return equations(rows, False, _plain, *more)
+        if trusted is not False and len(rows) > FEW:
+            try:
+                many = equations(rows, True, numbers, *more)
+            except Exception:  # again below, if it is one of the class
+                pass
+            else:
+                trusted = trusted or _same(many, each(rows, *more))
+                if trusted:
+                    return many
+        return single(rows[0], *more) if len(rows) == 1 else each(rows, *more)
+
+    return compute
+
+
+def _plain(value: Any, n: int) -> Array:
+    return np.asarray(value, dtype=np.float64)
+
+
+def _same(many: Array, single: Array) -> bool:
+    """Whether results differ by rounding alone, which is less than what the rows differ by."""
+    size = np.nanmax(np.abs(single), initial=0.0)
+    return bool(np.allclose(many, single, rtol=1e-11, atol=1e-13 * size, equal_nan=True))
 
 
 class Sensor:
@@ -129,7 +211,7 @@ class Sensor:
     The table ``[sensor.NAME]`` of a scenario has the type's name as its ``type``, or as NAME, and the
     arguments of ``__init__`` as its keys, with their defaults. They arrive as the scenario has them:
     numbers are in SI, and ``"5 cm"`` is a text. The key ``simulation`` simulates the sensor by ``predict``
-    and ``noise``.
+    and ``noise``. A line ``noise: 1-sigma, m/s`` below ``Args:`` in a docstring describes a key.
 
     >>> class Log(Sensor):
     ...     '''Speed through the water, ahead.'''
@@ -151,7 +233,10 @@ class Sensor:
             ``run["log.scale"]`` in the result.
         angles: channels that are angles, whose differences are wrapped into +-pi.
         noise: 1-sigma of all channels, or of each; or their covariance, shape (channels, channels).
-        vectorised: set if :meth:`predict` takes many states at once. Derivatives then cost one call.
+        vectorised: set if :meth:`predict` takes many states at once, with one more axis in front. The
+            filter gets there by itself where :meth:`predict` has operations of numpy without branches.
+        jax: set if :meth:`predict` is written with ``jax.numpy``: JAX compiles it, and its derivatives
+            are exact.
     """
 
     type: ClassVar[str] = ""
@@ -161,6 +246,7 @@ class Sensor:
     angles: Sequence[str] = ()
     noise: ArrayLike = 1.0
     vectorised: bool = False
+    jax: bool = False
 
     def predict(self, x: States) -> ArrayLike:
         """The channels at a state, SI: one number, or an array of shape (channels,).
@@ -194,11 +280,19 @@ class Class:
         if not (isinstance(given, type) and issubclass(given, base) and given.type):
             raise TypeError(f"{given!r} is no class derived from navfuse.{base.__name__} with a `type`")
         moves = base is not Sensor
-        keys = [*inspect.signature(given).parameters, *(["sensor"] if moves else [])]
-        text = inspect.getdoc(given) or ""
-        schema = {"type": "object", "description": text, "properties": {key: {} for key in keys}}
+        texts = inspect.getdoc(given) or "", inspect.getdoc(given.__init__) or ""
+        keys = {key: _described(key, "\n".join(texts)) for key in inspect.signature(given).parameters}
+        if moves:
+            keys["sensor"] = {"description": "the sensor whose samples drive the process"}
+        schema = {"type": "object", "description": texts[0], "properties": keys}
         channels = list(given.channels.items()) if moves else []
         return cls(given.type, json.dumps(schema), channels, moves, given)
+
+
+def _described(key: str, text: str) -> dict[str, str]:
+    """The schema of a key: its line ``key: text`` in the docstrings."""
+    line = re.search(rf"^\s+{key}: (.+)$", text, re.MULTILINE)
+    return {"description": line.group(1)} if line else {}
 
 
 @dataclass(frozen=True)
@@ -210,7 +304,7 @@ class Description:
     own: list[Own]
     covariance: list[float]
     angles: list[bool]
-    bind: Callable[[list[int]], Callable[[bytes], bytes]]
+    bind: Callable[[list[int]], tuple[Callable[[bytes], bytes], Callable[[bytes], bytes] | None]]
 
 
 def describe(sensor: type[Sensor], table: str) -> Description:
@@ -225,7 +319,7 @@ def describe(sensor: type[Sensor], table: str) -> Description:
         own=[Own.of(name, parameter) for name, parameter in made.parameters.items()],
         covariance=covariance(made.noise, len(names)).ravel().tolist(),
         angles=[name in made.angles for name in names],
-        bind=lambda sizes: _call(made, sizes),
+        bind=lambda sizes: _bind(made, sizes),
     )
 
 
@@ -244,8 +338,10 @@ def covariance(noise: ArrayLike, channels: int) -> Array:
     return matrix
 
 
-def _call(sensor: Sensor, sizes: list[int]) -> Callable[[bytes], bytes]:
-    """The function that predicts several states, from bytes to bytes.
+def _bind(
+    sensor: Sensor, sizes: list[int]
+) -> tuple[Callable[[bytes], bytes], Callable[[bytes], bytes] | None]:
+    """The functions that predict several states, and a state with its derivatives, from bytes to bytes.
 
     ``sizes`` has the count of numbers of each state that the sensor reads, then of its own.
     """
@@ -254,18 +350,24 @@ def _call(sensor: Sensor, sizes: list[int]) -> Callable[[bytes], bytes]:
     places = Places({name: shapes.get(size, (size,)) for name, size in zip(names, sizes)})
     channels = len(sensor.channels)
 
-    def call(data: bytes) -> bytes:
-        numbers = np.frombuffer(data, dtype=np.float64).reshape(-1, places.width)
-        n = len(numbers)
-        if sensor.vectorised:
-            array = np.asarray(sensor.predict(States(numbers, places)), dtype=np.float64)
-        else:
-            array = np.array([sensor.predict(States(row, places)) for row in numbers], dtype=np.float64)
+    def check(array: Any, n: int) -> None:
         if array.size != n * channels:
             raise ValueError(
                 f"{type(sensor).__name__}.predict returned the shape {array.shape} "
                 f"for {n} states of {channels} channels"
             )
-        return array.tobytes()
 
-    return call
+    if sensor.jax:
+        from navfuse._jax import functions
+
+        return functions(lambda row: sensor.predict(places.states(row, places)), check, places.width)
+
+    def predicted(rows: Array, many: bool, numbers: Numbers) -> Array:
+        n = 1 if rows.ndim == 1 else len(rows)
+        kind = places.many if many else places.states
+        array = numbers(sensor.predict(kind(rows, places)), n)
+        check(array, n)
+        return array.reshape(n, channels)
+
+    compute = together(predicted, sensor.vectorised)
+    return lambda data: compute(np.frombuffer(data).reshape(-1, places.width)).tobytes(), None

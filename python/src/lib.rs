@@ -15,6 +15,7 @@ mod scenario;
 mod sensor;
 mod session;
 mod states;
+mod table;
 mod tools;
 mod watch;
 
@@ -32,7 +33,7 @@ mod _navfuse {
     #[pymodule_export]
     use crate::session::Session;
     #[pymodule_export]
-    use crate::tools::{calibrate, campaign, diagnose, merge, observability};
+    use crate::tools::{calibrate, campaign, conformance, diagnose, merge, observability};
 
     /// Runs the command with its arguments, and returns its exit code.
     #[pyfunction]

@@ -118,6 +118,11 @@ impl Rows {
         Ok(Self { sensor: info.name.clone(), times, columns })
     }
 
+    /// Samples of a sensor with a column for each of its channels, in SI.
+    pub fn of(sensor: &str, times: Vec<Time>, columns: Vec<Vec<f64>>) -> Self {
+        Self { sensor: sensor.to_owned(), times, columns }
+    }
+
     /// A source of these samples.
     pub fn source(self: &Arc<Self>, composition: &Composition) -> Option<Box<dyn Source>> {
         let sensor = SensorId(composition.sensor(&self.sensor)?);

@@ -7,13 +7,14 @@ use crate::recorder::Recorder;
 use crate::run::result;
 use crate::samples::{self, Rows};
 use crate::sensor::{self, Class};
+use crate::table::{self, Recognised};
 use crate::watch::{Failure, Watch, watched};
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
 use navfuse_core::files::FolderLock;
 use navfuse_core::model::sensor::{Purpose, Sensor, SensorInfo};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::plugin::Registry;
+use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::scenario::{Assembly, Scenario as Composed};
 use navfuse_core::state::Block;
 use pyo3::prelude::*;
@@ -68,6 +69,17 @@ impl Scenario {
             classes: classes.clone(),
             failure: Arc::clone(failure),
         }
+    }
+
+    /// A registry of its own, and the kinds and names of the classes in it.
+    pub(crate) fn types(&self) -> PyResult<(Registry, Vec<(Kind, String)>)> {
+        let kind = |class: &Arc<Py<PyAny>>| {
+            let class: Class = Python::attach(|py| class.extract(py))?;
+            let kind = if class.moves { Kind::Process } else { Kind::Sensor };
+            PyResult::Ok((kind, class.name))
+        };
+        let types = self.classes.iter().map(kind).collect::<PyResult<_>>()?;
+        Ok((registry(&self.classes, &self.failure)?, types))
     }
 
     /// The document with other values.
@@ -132,6 +144,21 @@ impl Scenario {
         let times = samples::times(times.0, times.1)?;
         scenario.samples.push(Arc::new(Rows::new(info, times, &headings, columns)?));
         Ok(scenario)
+    }
+
+    /// The scenario with samples of a sensor in a table of text with other headings, and what was
+    /// recognised: the channels that have samples, and the keys of their columns with the questions.
+    fn with_table(
+        &self,
+        py: Python<'_>,
+        sensor: &str,
+        path: PathBuf,
+    ) -> PyResult<(Self, Vec<String>, Vec<String>)> {
+        let Recognised { rows, channels, notes } =
+            py.detach(|| table::read(self, sensor, &path))?;
+        let mut scenario = self.with(self.document.clone());
+        scenario.samples.push(Arc::new(rows));
+        Ok((scenario, channels, notes))
     }
 
     /// The scenario that may name further types of sensors and processes: `navfuse._sensor.Class`.

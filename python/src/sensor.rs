@@ -3,12 +3,12 @@
 use crate::error::exception;
 use crate::samples::values;
 use crate::states::Own;
-use crate::watch::Failure;
+use crate::watch::{Failure, locked};
 use navfuse_core::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde_json::Value;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// A sensor as Python describes it.
 #[derive(FromPyObject)]
@@ -22,7 +22,7 @@ struct Description {
     covariance: Vec<f64>,
     /// Which channels are angles.
     angles: Vec<bool>,
-    /// Takes the count of numbers of each state, and gives the function of [`Model::call`].
+    /// Takes the count of numbers of each state, and gives the functions of [`Model`].
     bind: Py<PyAny>,
 }
 
@@ -95,9 +95,12 @@ fn compose(
     }
     let channels = channels(&channels_of);
     let sizes: Vec<usize> = states.iter().map(Read::size).collect();
-    let call = Python::attach(|py| bind.call1(py, (sizes,))).map_err(call_error)?;
+    let (call, slopes) =
+        Python::attach(|py| bind.call1(py, (sizes,))?.extract(py)).map_err(call_error)?;
     let failure = Arc::clone(failure);
-    let role = Role::dynamic(channels.len(), Model { states, covariance, angles, call, failure });
+    let centre = Mutex::default();
+    let model = Model { states, covariance, angles, call, slopes, failure, centre };
+    let role = Role::dynamic(channels.len(), model);
     Ok((channels, role))
 }
 
@@ -131,8 +134,13 @@ struct Model {
     states: Vec<Read>,
     covariance: Vec<f64>,
     angles: Vec<bool>,
+    /// Predicts several states.
     call: Py<PyAny>,
+    /// Predicts a state, with the derivatives by its numbers; none where they are differences.
+    slopes: Option<Py<PyAny>>,
     failure: Arc<Failure>,
+    /// The state of the last derivatives, and its prediction: the filter asks for it once more.
+    centre: Mutex<(Vec<f64>, Vec<f64>)>,
 }
 
 impl Model {
@@ -152,15 +160,69 @@ impl Model {
         }
     }
 
-    /// Calls Python once for several states.
-    fn call(&self, numbers: &[f64], z: &mut [f64]) -> PyResult<()> {
+    /// Count of the numbers of a state.
+    fn width(&self) -> usize {
+        self.states.iter().map(Read::size).sum()
+    }
+
+    /// Calls a function of Python with numbers, and takes the numbers that it returns.
+    fn call(&self, function: &Py<PyAny>, numbers: &[f64], z: &mut [f64]) -> PyResult<()> {
         Python::attach(|py| {
             let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_ne_bytes()).collect();
-            let answer = self.call.call1(py, (PyBytes::new(py, &bytes),))?;
+            let answer = function.call1(py, (PyBytes::new(py, &bytes),))?;
             let predicted: &[u8] = answer.extract(py)?;
             z.iter_mut().zip(values(predicted)).for_each(|(z, p)| *z = p);
             Ok(())
         })
+    }
+
+    /// Predicts states, of which the last is amid the others where there are derivatives.
+    fn predicted(&self, states: usize, numbers: &[f64], z: &mut [f64]) -> PyResult<()> {
+        let (width, n) = (self.width(), z.len() / states.max(1));
+        let last = states.saturating_sub(1);
+        let centre = &numbers[last * width..];
+        if states == 2
+            && let Some(known) = self.known(centre)
+        {
+            z[n..].copy_from_slice(&known);
+            return self.call(&self.call, &numbers[..width], &mut z[..n]);
+        }
+        match &self.slopes {
+            Some(slopes) if states > 2 => self.along(slopes, numbers, centre, z)?,
+            _ => self.call(&self.call, numbers, z)?,
+        }
+        if states > 2 {
+            *locked(&self.centre) = (centre.to_vec(), z[last * n..].to_vec());
+        }
+        Ok(())
+    }
+
+    /// The prediction of the state at which the model was differentiated last.
+    fn known(&self, numbers: &[f64]) -> Option<Vec<f64>> {
+        let centre = locked(&self.centre);
+        (numbers == centre.0).then(|| centre.1.clone())
+    }
+
+    /// Predicts the states beside the last one along the derivatives there: their difference is the
+    /// chain rule, `dz = (dz / dnumbers) dnumbers`.
+    fn along(
+        &self,
+        slopes: &Py<PyAny>,
+        numbers: &[f64],
+        centre: &[f64],
+        z: &mut [f64],
+    ) -> PyResult<()> {
+        let (width, n) = (centre.len().max(1), self.angles.len());
+        let mut expanded = vec![f64::NAN; n * (1 + centre.len())];
+        self.call(slopes, centre, &mut expanded)?;
+        let (middle, rows) = expanded.split_at(n);
+        for (state, z) in numbers.chunks_exact(width).zip(z.chunks_exact_mut(n.max(1))) {
+            for ((z, middle), row) in z.iter_mut().zip(middle).zip(rows.chunks_exact(width)) {
+                let steps = state.iter().zip(centre).map(|(to, from)| to - from);
+                *z = middle + row.iter().zip(steps).map(|(slope, step)| slope * step).sum::<f64>();
+            }
+        }
+        Ok(())
     }
 }
 
@@ -175,7 +237,7 @@ impl DynamicModel for Model {
         let mut numbers = Vec::new();
         states.iter().for_each(|x| self.append(x, &mut numbers));
         if !self.failure.happened()
-            && let Err(error) = self.call(&numbers, z)
+            && let Err(error) = self.predicted(states.len(), &numbers, z)
         {
             self.failure.keep(error);
         }

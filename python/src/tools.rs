@@ -7,6 +7,8 @@ use navfuse::CalibrationAttitude;
 use navfuse_campaign::{
     Campaign, Extent, Folder, InitialErrors, JobCount, Options, Shard, execute,
 };
+use navfuse_conformance::{Finding, report_registered};
+use navfuse_core::plugin::Kind;
 use navfuse_diagnose::diagnose as search;
 use navfuse_observability::{ObservabilityReport, TrackerSink};
 use navfuse_segments::{Gatherer, SegmentError};
@@ -123,6 +125,30 @@ pub fn diagnose(
     })??;
     scenario.failure.take()?;
     json(&diagnosis)
+}
+
+/// Checks the classes of a scenario as the conformance kit does. The findings are in JSON.
+#[pyfunction]
+pub fn conformance(
+    py: Python<'_>,
+    scenario: &Scenario,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let report = watched(py, progress.as_ref(), |_| {
+        let (registry, types) = scenario.types()?;
+        let checked: Vec<(Kind, &str)> =
+            types.iter().map(|(kind, name)| (*kind, &**name)).collect();
+        PyResult::Ok(report_registered(registry, &checked, &scenario.document.to_toml()))
+    })??;
+    scenario.failure.take()?;
+    let finding = |finding: &Finding| {
+        let text = finding.outcome.as_ref().map_or_else(ToString::to_string, Clone::clone);
+        serde_json::json!({
+            "check": finding.check, "about": finding.about, "text": text,
+            "passed": finding.outcome.is_ok(),
+        })
+    };
+    json(&report.findings.iter().map(finding).collect::<Vec<_>>())
 }
 
 /// Reports which states a scenario determines, and since when.

@@ -9,11 +9,19 @@ import time
 
 import matplotlib
 import numpy as np
+import pandas
 import pytest
+from test_sensor import Log
 
 import navfuse
 
 matplotlib.use("agg")
+
+
+def resident():
+    """The memory of this process, KiB."""
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
 
 
 def damaged(data, random):
@@ -122,19 +130,47 @@ def test_ctrl_c_ends_a_run():
 
 
 def test_many_runs_leave_no_memory(short):
-    def resident():
-        with open("/proc/self/status") as status:
-            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
-
     if not sys.platform.startswith("linux"):
         pytest.skip("the memory of a process is read from /proc")
-    little = short.set("estimator.stop", "61 s")
-    for _ in range(10):
+    little = short.set({"estimator.start": "1 s", "estimator.stop": "2 s"})
+    classes = little.with_sensors(Log).set("sensor.log", {"simulation": {"rate": "5 Hz"}})
+    for _ in range(50):
         little.run()
+        classes.run()
     before = resident()
-    for _ in range(100):
+    for _ in range(500):
         little.run()
-    assert resident() - before < 2000  # KiB; a run has some 500 KiB of results and samples
+        classes.run()
+    # 2 KiB a run, of which each has some 500 KiB of results and samples
+    assert resident() - before < 2000
+
+
+def test_two_runs_are_under_way_at_once(short):
+    # each waits in its first epoch for the other one: with one run after the other, nobody comes
+    both = threading.Barrier(2, timeout=60.0)
+
+    def run():
+        waited = iter([both.wait])
+        short.run(on_epoch=lambda epoch: next(waited, lambda: None)())
+
+    threads = [threading.Thread(target=run) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not both.broken
+
+
+def test_a_frame_takes_no_memory_beside_the_columns(short):
+    if not sys.platform.startswith("linux"):
+        pytest.skip("the memory of a process is read from /proc")
+    run = short.set("estimator.stop", "600 s").run()
+    size = sum(column.nbytes for column in run.columns.values())
+    pandas.DataFrame(short.run().columns, copy=False)
+    before = resident()
+    frame = pandas.DataFrame(run.columns, copy=False)
+    assert frame.shape == (run.time.size, len(run.columns))
+    assert (resident() - before) * 1024 < 0.25 * size
 
 
 def test_figures_have_a_panel_for_each_number(run):

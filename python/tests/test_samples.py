@@ -100,12 +100,48 @@ def test_times_of_a_frame_are_dates_or_a_named_index(recorded, short):
 def test_a_column_that_fits_no_channel_is_named_if_a_channel_lacks_one(recorded, short, recwarn):
     _, log = recorded
     dvl = pandas.DataFrame(log.samples["dvl"])
-    short.with_samples(dvl=dvl.assign(quality=1.0, vel_x_flag="A"))
+    short.with_samples(dvl=dvl.assign(quality=1.0, vel_x_flag="A"), imu=log.samples["imu"])
     short.with_samples(dvl=dvl.drop(columns="vel_x_mps"))
     assert not recwarn.list
-    for heading in ("velx_mps", "vel_x_kg"):
-        with pytest.warns(UserWarning, match=rf"no column for vel_x \(m/s\).*{heading}"):
-            short.with_samples(dvl=dvl.rename(columns={"vel_x_mps": heading}))
+    with pytest.warns(UserWarning, match=r"no column for vel_x \(m/s\).*vel_x_kg"):
+        short.with_samples(dvl=dvl.rename(columns={"vel_x_mps": "vel_x_kg"}))
+
+
+def test_foreign_headings_are_recognised_as_by_import_and_reported(recorded, short):
+    run, log = recorded
+    imu, dvl = (pandas.DataFrame(log.samples[name]) for name in ("imu", "dvl"))
+    force = imu.filter(like="accel")
+    foreign = {
+        "Time [ms]": imu["time_s"] * 1e3,
+        **{f"gyro_{a} (deg/s)": np.degrees(imu[f"gyro_{a}_radps"]) for a in "xyz"},
+        **{f"ACC {a.upper()} [m/s^2]": force[f"accel_{a}_mps2"] for a in "xyz"},
+        "Temp": 20.0 + 0.0 * imu["time_s"],
+    }
+    knots = {f"Velocity {a.upper()} (kn)": dvl[f"vel_{a}_mps"] / (1852.0 / 3600.0) for a in "xyz"}
+    tables = dict(log.samples) | {
+        "imu": pandas.DataFrame(foreign),
+        "dvl": pandas.DataFrame(knots).set_index(dvl["time_s"].rename("time")),
+    }
+    with pytest.warns(UserWarning) as warned:
+        again = short.with_samples(**tables).run()
+    imu_text, dvl_text = (str(w.message) for w in warned)
+    assert 'columns.accel_x = { column = "ACC X [m/s^2]", unit = "m/s^2" }' in imu_text
+    assert 'columns.gyro_z = { column = "gyro_z (deg/s)", unit = "deg/s" }' in imu_text
+    assert "sensor.imu" in imu_text and "sensor.dvl" in dvl_text and 'unit = "kn"' in dvl_text
+    # numbers in other units differ from those in SI by rounding alone
+    assert again.time.size == run.time.size
+    for name in ("ins.position", "ins.velocity", "ins.attitude"):
+        assert np.allclose(again[name].estimate, run[name].estimate, rtol=1e-9, atol=1e-6), name
+
+
+def test_a_unit_that_no_heading_states_is_found_by_the_numbers(recorded, short):
+    run, log = recorded
+    imu = log.samples["imu"]
+    table = {"t": imu["time_s"], **{f"w{a}": imu[f"gyro_{a}_radps"] for a in "xyz"}}
+    table |= {f"a{a}": imu[f"accel_{a}_mps2"] / 9.80665 for a in "xyz"}
+    with pytest.warns(UserWarning, match=r"the unit of the specific force: g is shown"):
+        again = short.with_samples(**dict(log.samples) | {"imu": table}).run()
+    assert np.allclose(again["ins.position"].estimate, run["ins.position"].estimate, atol=1e-6)
 
 
 def test_a_table_that_does_not_fit_is_an_exception_with_the_columns_that_are_wanted(short):
@@ -118,8 +154,10 @@ def test_a_table_that_does_not_fit_is_an_exception_with_the_columns_that_are_wan
         short.with_samples(dvl={"vel_x_mps": time})
     with pytest.raises(ValueError, match="shape"):
         short.with_samples(dvl=np.zeros((3, 9)))
-    with pytest.raises(ValueError, match=r"sensor.depth.*time_s.*when"):
-        short.with_samples(depth=pandas.DataFrame({"when": time, "depth_m": time}))
+    with pytest.raises(ValueError, match=r"sensor.depth.*time_s.*flag"):
+        short.with_samples(depth=pandas.DataFrame({"flag": [1.0, 0.0, 1.0], "depth_m": 0.0 * time}))
+    with pytest.warns(UserWarning, match="the column when is taken for the time"):
+        short.with_samples(depth=pandas.DataFrame({"when": time, "depth_m": 0.0 * time}))
     with pytest.raises(ValueError, match="sort"):
         short.with_samples(depth={"time_s": time[::-1], "depth_m": time})
     with pytest.raises(ValueError, match="depth_m has no numbers.*deep"):

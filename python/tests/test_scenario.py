@@ -1,7 +1,9 @@
 """Scenarios: their content, and the exceptions of those that do not fit."""
 
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -69,6 +71,27 @@ def test_the_command_is_inside(tmp_path):
     assert (tmp_path / "runs/q/run.mcap").exists() and (tmp_path / "runs/q/run.rrd").exists()
     for arguments, code in [(["--version"], 0), (["rnu"], 2), (["run", "absent.toml"], 1)]:
         assert subprocess.run([*call, *arguments], capture_output=True).returncode == code
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in for the viewer is a script of a shell")
+def test_view_opens_the_viewer_that_is_installed_beside_python(short, tmp_path):
+    short.set("estimator.stop", "61 s").run(out=tmp_path / "run")
+    viewer, opened = tmp_path / "bin/rerun", tmp_path / "opened"
+    viewer.parent.mkdir()
+    viewer.write_text(f'#!/bin/sh\n[ "$1" = --version ] && echo "rerun-cli 0.36.3" || echo "$@" >{opened}\n')
+    viewer.chmod(0o755)
+    text = (
+        "import sys; from navfuse import __main__ as m\n"
+        f"sys.executable, sys.argv = {str(tmp_path / 'bin/python')!r}, ['navfuse', 'view', {str(tmp_path / 'run')!r}]\n"
+        "sys.exit(m.main())"
+    )
+    bare = {"PATH": "/usr/bin:/bin", "PYTHONPATH": os.pathsep.join(sys.path)}
+    ran = subprocess.run([sys.executable, "-c", text], env=bare, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    until = time.monotonic() + 20.0
+    while not opened.exists() and time.monotonic() < until:  # the command does not wait for the viewer
+        time.sleep(0.05)
+    assert "run.rrd" in opened.read_text()
 
 
 def test_the_types_hold():

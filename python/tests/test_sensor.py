@@ -21,7 +21,11 @@ class Depth(navfuse.Sensor):
 
 
 class Log(navfuse.Sensor):
-    """Speed along the axes of the body, with a scale factor."""
+    """Speed along the axes of the body, with a scale factor.
+
+    Args:
+        truth: scale factor of a simulation.
+    """
 
     type = "log"
     channels = {"ahead": "m/s", "right": "m/s"}
@@ -85,6 +89,126 @@ def test_a_vectorised_sensor_gives_the_same_estimates(short):
     assert np.allclose(one["log.scale"].estimate, many["log.scale"].estimate, rtol=1e-12)
 
 
+def counted(kind):
+    """The class, with the number of its predictions in ``calls``."""
+
+    class Counted(kind):
+        calls = 0
+
+        def predict(self, x):
+            type(self).calls += 1
+            return super().predict(x)
+
+    return Counted
+
+
+def test_derivatives_of_a_class_for_one_state_cost_one_call(short):
+    once = counted(Log)
+    run = short.with_sensors(once).set(LOG).run()
+    samples = run.innovations["log"].time.size
+    # simulation from zero on, derivatives, and their change over time, a call each; curvature sometimes
+    assert once.calls < 5 * samples
+
+    class Branching(Log):
+        def predict(self, x):
+            return super().predict(x) if x.velocity[0] < 1e6 else (0.0, 0.0)
+
+    other = counted(Branching)
+    branched = short.with_sensors(other).set(LOG).run()
+    assert other.calls > 15 * samples
+    for name in ("log.scale", "ins.velocity"):
+        assert np.allclose(run[name].estimate, branched[name].estimate, rtol=1e-9, atol=1e-9)
+        assert np.allclose(run[name].sigma, branched[name].sigma, rtol=1e-6)
+
+
+ROWS = np.random.default_rng(5).normal(size=(6, 13))
+
+EQUATIONS = {
+    "matrix and vector": lambda x: x.attitude.T @ x.velocity,
+    "two matrices": lambda x: (x.attitude @ x.attitude.T)[2],
+    "vector and matrix": lambda x: x.velocity @ x.attitude,
+    "vectors": lambda x: x.velocity @ x.velocity,
+    "a matrix of numbers": lambda x: np.eye(3)[1:] @ x.velocity,
+    "an element of a matrix": lambda x: np.arctan2(x.attitude[1, 0], x.attitude[0, 0]),
+    "a norm": lambda x: np.linalg.norm(x.velocity),
+    "an array of elements": lambda x: np.array([x.velocity[0] / x.scale, np.hypot(*x.velocity[:2])]),
+    "functions of an array of elements": lambda x: np.sin(np.array([x.velocity[2], 2.0 * x.scale])) ** 2,
+    "a list": lambda x: [x.scale - 1, abs(x.velocity[1])],
+    "a product with an array of elements": lambda x: x.attitude.T @ np.array([x.scale, 0.0, x.velocity[2]]),
+    "stacked": lambda x: np.stack([x.velocity, x.scale * x.velocity], axis=-1),
+    "joined": lambda x: np.concatenate([x.velocity[:1], x.velocity[2:], [1.0]]),
+    "a sum": lambda x: np.sum(x.velocity**2) + x.attitude.sum(axis=0),
+    "a cross product": lambda x: np.cross(x.velocity, [0.0, 1.0, 2.0]),
+    "a choice": lambda x: np.where(x.velocity > 0.0, x.velocity, x.scale * x.velocity),
+    "a dot product": lambda x: np.dot(x.attitude, x.velocity) + x.velocity.dot(x.velocity),
+    "a number": lambda x: 3.0,
+}
+
+BRANCHES = {
+    "a branch": lambda x: x.velocity if x.scale > 0.0 else -x.velocity,
+    "math": lambda x: __import__("math").sin(x.scale),
+    "the largest": lambda x: np.max(x.velocity),
+    "an assignment": lambda x: (x.velocity + 0.0).__setitem__(0, 1.0),
+    "a float": lambda x: float(x.scale),
+}
+
+
+@pytest.mark.parametrize("equation", EQUATIONS.values(), ids=EQUATIONS)
+def test_equations_for_one_state_are_those_of_many(equation):
+    from navfuse._many import numbers
+    from navfuse._sensor import Places
+
+    places = Places({"ins.attitude": (3, 3), "ins.velocity": (3,), "log.scale": ()})
+    many = numbers(equation(places.many(ROWS, places)), len(ROWS))
+    single = np.array([np.asarray(equation(places.states(row, places)), float) for row in ROWS])
+    assert many.shape == single.shape and np.allclose(many, single, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("equation", BRANCHES.values(), ids=BRANCHES)
+def test_what_many_states_cannot_do_is_an_exception(equation):
+    from navfuse._sensor import Places
+
+    places = Places({"ins.attitude": (3, 3), "ins.velocity": (3,), "log.scale": ()})
+    with pytest.raises((TypeError, AttributeError)):
+        equation(places.many(ROWS, places))
+
+
+def test_jax_gives_the_derivatives(short):
+    jnp = pytest.importorskip("jax.numpy")
+
+    class Exact(Log):
+        jax = True
+
+        def predict(self, x):
+            ahead, right, _ = x.attitude.T @ x.velocity
+            return x.scale * jnp.array([ahead, right])
+
+    plain, exact = (short.with_sensors(kind).set(LOG).run() for kind in (Log, Exact))
+    for name in plain:
+        assert np.allclose(plain[name].estimate, exact[name].estimate, rtol=1e-8, atol=1e-8), name
+        assert np.allclose(plain[name].sigma, exact[name].sigma, rtol=1e-8), name
+
+
+def test_a_class_for_jax_names_the_package_that_is_missing(short, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "jax", None)
+    with pytest.raises(navfuse.ScenarioError, match="pip install jax"):
+        short.with_sensors(type("Exact", (Log,), {"jax": True})).set(LOG).check()
+
+
+def test_the_conformance_kit_checks_a_sensor_in_python(short):
+    settings = LOG | {"estimator.stop": "160 s"}  # its middle is after the start
+    findings = short.with_sensors(Log).set(settings).conformance()
+    assert all(f["passed"] for f in findings), [f for f in findings if not f["passed"]]
+    assert {"channels", "jacobian", "noise", "determinism", "checkpoint", "nis"} <= {f["check"] for f in findings}
+
+    class Silent(Log):
+        def __init__(self, speed_of_sound: float = 1500.0):
+            super().__init__()
+
+    undescribed = short.with_sensors(Silent).set(settings).set("estimator.stop", "70 s").conformance()
+    assert any("speed_of_sound" in f["text"] and not f["passed"] for f in undescribed)
+
+
 def test_an_angle_is_compared_within_half_a_turn(short):
     settings = {"sensor.course": {"simulation": {"rate": "1 Hz"}}}
     runs = []
@@ -116,7 +240,7 @@ def test_an_exception_in_a_sensor_ends_the_run_and_is_raised(short):
 
     with pytest.raises(LookupError, match="no calibration"):
         short.with_sensors(Broken).set(LOG).run()
-    with pytest.raises(ValueError, match=r"shape \(1, 3\) for 1 states of 2 channels"):
+    with pytest.raises(ValueError, match=r"shape \(3,\) for 1 states of 2 channels"):
         short.with_sensors(type("Wide", (Log,), {"predict": lambda self, x: x.velocity})).set(LOG).run()
     with pytest.raises(AttributeError, match="does not read 'position'"):
         short.with_sensors(type("Blind", (Log,), {"predict": lambda self, x: x.position})).set(LOG).run()

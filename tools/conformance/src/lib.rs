@@ -40,10 +40,11 @@ mod sigma;
 mod streams;
 mod transition;
 
-use lab::Lab;
-use navfuse_core::plugin::{Plugin, Registry, SensorType};
+use lab::{Lab, Types};
+use navfuse_core::plugin::{Kind, Plugin, Registry, SensorType};
 use std::fmt;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// Checks every process, sensor, source and sink type that the plugins register and the scenario
 /// (TOML) uses.
@@ -89,9 +90,19 @@ pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
 }
 
 fn report_with(plugins: &[&dyn Plugin], others: &[&dyn Plugin], scenario: &str) -> Report {
-    let registry = lab::registry(plugins, others);
+    report_types(&lab::registry(plugins, others), scenario)
+}
+
+/// Checks types of a registry, each a kind and a name, and returns all findings: for types that a
+/// program registers without a plugin.
+pub fn report_registered(registry: Registry, checked: &[(Kind, &str)], scenario: &str) -> Report {
+    let checked = checked.iter().map(|(kind, name)| (*kind, Arc::from(*name))).collect();
+    report_types(&Types { registry, checked }, scenario)
+}
+
+fn report_types(types: &Types, scenario: &str) -> Report {
     let mut report = Report::default();
-    match Lab::new(&registry, scenario) {
+    match Lab::new(types, scenario) {
         Err(message) => report.add("scenario", "the scenario", Err(message)),
         Ok(lab) => {
             if let Some(ended) = &lab.ended {

@@ -78,6 +78,33 @@ pub struct Imported {
     pub notes: Vec<String>,
 }
 
+/// A sensor of a table.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct TableSensor {
+    /// Registered type of the sensor.
+    pub kind: &'static str,
+    /// Keys that the sensor needs, such as `output = "increments"`.
+    pub sensor: Vec<String>,
+    /// Keys of its table in `[source.csv.files]`, each as `key = value`.
+    pub source: Vec<String>,
+    /// What the headings do not state, with what is assumed.
+    pub questions: Vec<String>,
+}
+
+/// The sensors of a table by the beginning of its text, as [`import`] recognises those of a file; `name`
+/// is the name of the file.
+///
+/// # Errors
+/// With the reason why no sensor is recognised.
+pub fn recognise_table(beginning: &str, name: &str) -> Result<Vec<TableSensor>, String> {
+    let of = |found: found::Found| {
+        let found::Found { kind, sensor, source, questions, .. } = found;
+        TableSensor { kind, sensor, source, questions }
+    };
+    Ok(table::recognise(beginning, name)?.into_iter().map(of).collect())
+}
+
 /// Looks at the files, and writes a scenario for the place `scenario`, whose folder relative paths
 /// start at. Returns `None` if `stop` was set.
 ///
