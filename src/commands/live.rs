@@ -10,7 +10,7 @@ use crate::output::warnings::Warnings;
 use crate::output::{Format, line, warn};
 use clap::Args;
 use navfuse_core::compose::Composition;
-use navfuse_core::document::{Document, key};
+use navfuse_core::document::{Document, Node, key};
 use navfuse_core::files::FolderLock;
 use navfuse_core::model::record::Event;
 use navfuse_core::model::sensor::{Purpose, Sensor};
@@ -33,6 +33,8 @@ const LATE: &str = "\"1 s\"";
 const LOG: &str = "mcap";
 const ROTATES: [&str; 2] = ["rotate_every", "rotate_mb"];
 const ROTATE: &str = "rotate_every=\"6 h\"";
+/// The key of a link by which the time of the run is that of a simulation.
+const SIMULATED: &str = "use_sim_time";
 
 /// Arguments of `live`.
 #[derive(Debug, Args)]
@@ -114,7 +116,7 @@ pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
     let every = seconds("--checkpoint", &arguments.checkpoint)?;
     let checkpoints = Duration::try_from_secs_f64(every)
         .map_err(|e| CommandError::argument("--checkpoint", e.to_string()))?;
-    let (speed, saved) = (arguments.speed, Some(folder.clone()));
+    let (speed, saved) = (pace(arguments)?, Some(folder.clone()));
     let options = Options { speed, folder: saved, checkpoints, resume, reopen };
     let mut shown = Shown {
         last: Status::default(),
@@ -173,6 +175,21 @@ fn on_vehicle<'a>(registry: &'a Registry, arguments: &Live) -> Result<Scenario<'
         ));
     }
     Ok(waits)
+}
+
+/// The seconds of the run in a second: any number of them where a link follows simulated time.
+fn pace(arguments: &Live) -> Result<f64> {
+    let mut document = document(&arguments.scenario)?;
+    arguments.set.iter().try_for_each(|setting| document.set(setting))?;
+    let root = document.root();
+    let links = root.get("link").map_or_else(|| Ok(Vec::new()), |links| links.entries())?;
+    let simulated = |key: Node<'_>| key.parse::<bool>().unwrap_or_default();
+    let simulated = |link: &Node<'_>| link.get(SIMULATED).is_some_and(simulated);
+    let Some((name, _)) = links.iter().find(|(_, link)| simulated(link)) else {
+        return Ok(arguments.speed);
+    };
+    warn(format_args!("note: the run follows the simulated time of [link.{name}], at any speed"));
+    Ok(f64::INFINITY)
 }
 
 /// The settings by which logs begin new files, for those whose table does not say when.

@@ -10,6 +10,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::pass_samples;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::Sample;
+use navfuse_dds::{PlayedTopic, PlayedType};
 use navfuse_links::{serial_port, write_fix, write_sentence, write_water_linked};
 use std::io::{self, Write};
 use std::net::{TcpListener, UdpSocket};
@@ -20,6 +21,8 @@ use std::time::{Duration, Instant};
 
 /// Standard output as a place to send to.
 const STANDARD_OUTPUT: &str = "-";
+/// Beginning of a topic of ROS 2 as a place to send to.
+const ROS2: &str = "ros2://";
 /// Longest time for which a serial port may take no byte.
 const FULL: Duration = Duration::from_secs(10);
 /// Longest pause without a look at the signals.
@@ -34,7 +37,8 @@ Examples:
   navfuse play run.mcap --speed inf | navfuse live desk.toml --speed inf
   navfuse play run.mcap --to udp://127.0.0.1:5005 \\
       --to gnss=nmea:udp://127.0.0.1:10110 \\
-      --to dvl=water-linked-json:tcp://127.0.0.1:16171")]
+      --to dvl=water-linked-json:tcp://127.0.0.1:16171
+  navfuse play run.mcap --to imu=imu:ros2:///imu/data --to gnss=fix:ros2:///fix")]
 pub struct Play {
     /// A log, or a scenario whose sources give the samples
     pub input: PathBuf,
@@ -45,8 +49,9 @@ pub struct Play {
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
     /// Place: udp://HOST:PORT sends there, tcp://HOST:PORT waits for a program that connects,
-    /// serial://DEVICE@BAUD is a serial port, - is standard output. SENSOR=FORMAT:PLACE sends one sensor as an instrument does, with the format
-    /// nmea or water-linked-json; may be given again
+    /// serial://DEVICE@BAUD is a serial port, - is standard output. SENSOR=FORMAT:PLACE sends one
+    /// sensor as an instrument does, with the format nmea or water-linked-json, or as a driver of
+    /// ROS 2, with imu, fix, twist or pressure and ros2://TOPIC as place; may be given again
     #[arg(long, value_name = "[SENSOR=FORMAT:]PLACE", default_value = STANDARD_OUTPUT)]
     pub to: Vec<String>,
 }
@@ -70,12 +75,12 @@ pub fn play(registry: &Registry, arguments: &Play) -> Result<ExitCode> {
         let own = places.iter().position(|place| place.sensor == Some(sensor));
         let place = own.or_else(|| places.iter().position(|place| place.sensor.is_none()));
         if let Some(place) = place.and_then(|k| places.get_mut(k)) {
-            sent = place.send(&infos[sensor], sample);
+            sent = place.way.send(&infos[sensor], sample);
         }
         sent.is_ok() && !stop.load(Ordering::Relaxed)
     })?;
     for place in &mut places {
-        sent = sent.and_then(|()| place.to.flush());
+        sent = sent.and_then(|()| place.way.flush());
     }
     // a program that has enough closes the connection
     let ended = [io::ErrorKind::BrokenPipe, io::ErrorKind::ConnectionReset];
@@ -95,43 +100,68 @@ type Format = fn(&mut String, &SensorInfo, &Sample) -> bool;
 struct Place {
     /// The only sensor that is sent; `None` for all that have no place of their own.
     sensor: Option<usize>,
-    format: Format,
-    to: Box<dyn Write>,
-    text: String,
+    way: Way,
+}
+
+/// The way to a place.
+enum Way {
+    /// Texts, and the last one.
+    Text(Format, Box<dyn Write>, String),
+    /// A topic of ROS 2.
+    Topic(PlayedTopic),
 }
 
 impl Place {
     /// Opens `PLACE` or `SENSOR=FORMAT:PLACE`.
     fn open(to: &str, infos: &[SensorInfo], stop: &AtomicBool) -> Result<Self> {
         let wrong = |text: String| CommandError::argument(format!("--to {to:?}"), text);
+        let text = |format: Format, place: &str| {
+            Ok::<_, CommandError>(Way::Text(format, open(place, stop)?, String::new()))
+        };
         let Some((name, rest)) = to.split_once('=') else {
             let format = |out: &mut String, info: &SensorInfo, sample: &Sample| {
                 write_sentence(out, info, sample);
                 true
             };
-            return Ok(Self { sensor: None, format, to: open(to, stop)?, text: String::new() });
+            return Ok(Self { sensor: None, way: text(format, to)? });
         };
         let sensor = infos.iter().position(|info| info.name == name);
         let sensor = sensor.ok_or_else(|| wrong(format!("there is no [sensor.{name}]")))?;
-        let (format, place): (Format, &str) = match rest.split_once(':') {
-            Some(("nmea", place)) => (write_fix, place),
-            Some(("water-linked-json", place)) => (write_water_linked, place),
+        let (format, place) = rest.split_once(':').unwrap_or_default();
+        let message = PlayedType::ALL.into_iter().find(|(name, _)| *name == format);
+        let way = match (format, message, place.strip_prefix(ROS2)) {
+            ("nmea", ..) => text(write_fix, place)?,
+            ("water-linked-json", ..) => text(write_water_linked, place)?,
+            (_, Some((_, kind)), Some(topic)) => {
+                let opened = PlayedTopic::open(kind, topic, None);
+                Way::Topic(opened.map_err(|error| wrong(error.to_string()))?)
+            }
             _ => {
-                let text =
-                    "the format is nmea or water-linked-json, followed by : and a destination";
+                let text = "the format is nmea or water-linked-json, followed by : and a \
+                            destination, or imu, fix, twist or pressure with :ros2://TOPIC";
                 return Err(wrong(text.to_owned()));
             }
         };
-        let to = open(place, stop)?;
-        Ok(Self { sensor: Some(sensor), format, to, text: String::new() })
+        Ok(Self { sensor: Some(sensor), way })
     }
+}
 
+impl Way {
     /// Sends a sample; one that the format cannot hold is left out.
     fn send(&mut self, info: &SensorInfo, sample: &Sample) -> io::Result<()> {
-        self.text.clear();
-        match (self.format)(&mut self.text, info, sample) {
-            true => self.to.write_all(self.text.as_bytes()),
-            false => Ok(()),
+        match self {
+            Self::Text(format, to, text) => {
+                text.clear();
+                if format(text, info, sample) { to.write_all(text.as_bytes()) } else { Ok(()) }
+            }
+            Self::Topic(topic) => topic.send(info, sample).map_err(io::Error::other),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Text(_, to, _) => to.flush(),
+            Self::Topic(_) => Ok(()),
         }
     }
 }

@@ -23,6 +23,8 @@ pub struct Diagnostics {
     sensors: Vec<Option<Tally>>,
     /// Time up to which the updates are final: behind the newest estimate by the longest `late`.
     reached: Option<Time>,
+    /// Quality of service that a subscriber asked for and does not get.
+    refused: Option<String>,
 }
 
 impl Diagnostics {
@@ -31,7 +33,7 @@ impl Diagnostics {
         let measures = |purpose: Purpose| purpose == Purpose::Measurement;
         let sensors = run.sensors.iter();
         let sensors = sensors.map(|s| measures(s.purpose).then(|| tally(&s.name))).collect();
-        Self { sensors, reached: None }
+        Self { sensors, reached: None, refused: None }
     }
 
     /// Takes the time of a final estimate.
@@ -52,9 +54,21 @@ impl Diagnostics {
         tally.last = Some((update.time, health, update.nis / freedom));
     }
 
-    /// The state of each sensor.
+    /// Takes the quality of service that a subscriber of an estimate asks for and does not get.
+    pub fn refused(&mut self, policy: Option<String>) {
+        self.refused = policy.or(self.refused.take());
+    }
+
+    /// The state of each sensor, and of the topics where one is not received.
     pub fn all(&self) -> Vec<Diagnosis> {
-        self.sensors.iter().flatten().map(|tally| tally.at(self.reached)).collect()
+        let sensors = self.sensors.iter().flatten().map(|tally| tally.at(self.reached));
+        let topics = self.refused.as_ref().map(|policy| Diagnosis {
+            name: "navfuse: topics".to_owned(),
+            health: Health::Warn,
+            text: "a subscriber asks for another quality of service, and receives nothing",
+            values: vec![("policy", policy.clone())],
+        });
+        sensors.chain(topics).collect()
     }
 }
 

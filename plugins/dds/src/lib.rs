@@ -4,9 +4,12 @@
 //! `nav_msgs/Odometry`, transforms and diagnostics. Both take part in DDS, the network of ROS 2, by
 //! themselves. The feature `dds` has the protocol; without it a scenario is checked, and not run.
 
+mod clock;
 mod diagnostics;
+mod lifecycle;
 mod link;
 mod names;
+mod played;
 #[cfg(feature = "dds")]
 mod port;
 #[cfg(not(feature = "dds"))]
@@ -16,6 +19,7 @@ mod service;
 mod sink;
 
 pub use link::Ros2Link;
+pub use played::{PlayedTopic, PlayedType};
 pub use sink::Ros2Sink;
 
 use navfuse_core::plugin::{Plugin, Registry};

@@ -1,12 +1,15 @@
 //! The link: samples from the messages of topics, as they arrive.
 
+use crate::clock::{SimulatedTime, TOPIC};
+use crate::lifecycle::{Lifecycle, State};
 use crate::names::{of_topic, of_type, ros_topic, ros_type};
 use crate::port::{Node, Subscription};
 use crate::service::Services;
 use navfuse_core::model::record::Level;
-use navfuse_core::model::stream::{Feed, Source, StreamError};
+use navfuse_core::model::stream::{Command, Feed, Source, StreamError};
 use navfuse_core::plugin::{LinkType, OpenContext};
 use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use navfuse_frames::TimeConfig;
 use navfuse_links::{PortFeed, Remark, unix_time};
 use navfuse_ros2::{Messages, Stamping, TopicConfig};
@@ -27,6 +30,10 @@ const PATIENCE: Duration = Duration::from_millis(50);
 const LOOK: Duration = Duration::from_millis(200);
 /// Variable with the domain of the programs of ROS 2.
 const DOMAIN: &str = "ROS_DOMAIN_ID";
+/// Name of a topic by which an operator sets the pose.
+const SET_POSE: &str = "set_pose";
+/// The type of messages with a pose.
+pub const POSE: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
 
 /// Subscribes to topics of ROS 2, with the quality of service of sensors. The type of a topic is that of
 /// its publisher.
@@ -47,40 +54,82 @@ pub struct Ros2Link {
     /// program of ROS 2 does.
     #[serde(default)]
     pub interfaces: Vec<String>,
-    /// Lets the services `/navfuse/reset`, `/navfuse/checkpoint` and `/navfuse/enable_SENSOR` command the
-    /// run. Default: they refuse.
+    /// Lets the services `/navfuse/reset`, `/navfuse/checkpoint`, `/navfuse/enable_SENSOR` and
+    /// `/navfuse/change_state` command the run. Default: they refuse.
     #[serde(default)]
     pub commands: bool,
+    /// Begins in the state `active` of a lifecycle node. `false` begins in `unconfigured`, and the sink
+    /// publishes nothing until a lifecycle manager activates the node. Default: true.
+    #[serde(default = "yes")]
+    pub autostart: bool,
+    /// Takes the time at which messages are received from the topic `/clock` of a simulator; a clock that
+    /// goes back begins the run anew. Default: false.
+    #[serde(default)]
+    pub use_sim_time: bool,
 }
 
-/// Joins the domain of a scenario, or of the environment.
-pub fn join(domain: Option<u16>, interfaces: &[String]) -> Result<Node, StreamError> {
+fn yes() -> bool {
+    true
+}
+
+/// The domain of a scenario, or of the environment.
+pub fn domain_of(domain: Option<u16>) -> u16 {
     let from_environment = || std::env::var(DOMAIN).ok()?.trim().parse().ok();
+    domain.or_else(from_environment).unwrap_or_default()
+}
+
+/// Joins a domain.
+pub fn join(domain: u16, interfaces: &[String]) -> Result<Node, StreamError> {
     let parsed: Result<Vec<IpAddr>, _> = interfaces.iter().map(|text| text.parse()).collect();
     let interfaces = parsed.map_err(|e| {
         StreamError::network(e.to_string())
             .at_key("interfaces")
             .with_remedy("give addresses of this computer, such as [\"127.0.0.1\"]")
     })?;
-    Node::join(domain.or_else(from_environment).unwrap_or_default(), &interfaces)
+    Node::join(domain, &interfaces)
 }
 
 impl LinkType for Ros2Link {
     const TYPE: &'static str = "ros2";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
+        if !self.autostart && !self.commands {
+            let text = "no lifecycle manager can activate the node, since commands are refused";
+            let remedy = "set commands = true";
+            return Err(StreamError::scenario(text).at_key("autostart").with_remedy(remedy));
+        }
         let zero = self.clock.zero().map_err(|e| e.at_key("clock"))?;
-        let messages = Messages::new(&self.sensors, self.stamp, zero, context)?;
+        let sets_pose = |topic: &str| topic.rsplit('/').next() == Some(SET_POSE);
+        let mut topics = self.sensors;
+        let set = topics.values_mut().filter(|t| t.topic.as_deref().is_some_and(sets_pose));
+        // from the command line, a pose has no stamp
+        set.for_each(|topic| topic.stamp = topic.stamp.or(Some(Stamping::Receive)));
+        let mut messages = Messages::new(&topics, self.stamp, zero, context)?;
         let (to, remarks) = channel();
-        let node = join(self.domain, &self.interfaces)?;
+        let domain = domain_of(self.domain);
+        let node = join(domain, &self.interfaces)?;
+        let start = if self.autostart { State::Active } else { State::Unconfigured };
+        let lifecycle = Lifecycle::of(domain, start);
         let sensors = context.composition.sensors.iter();
         let sensors: Vec<String> = sensors.map(|s| s.info.name.clone()).collect();
+        // an operator may never publish, so these topics await nobody
+        let topics = messages.topics().into_iter();
+        let (poses, awaited): (Vec<_>, Vec<_>) = topics.partition(|topic| sets_pose(topic));
+        let mut subscriptions = Vec::new();
+        for topic in &poses {
+            messages.add(topic, POSE)?;
+            subscriptions.push(node.subscribe(&of_topic(topic), &of_type(POSE))?);
+        }
+        let clock = self.use_sim_time.then(|| SimulatedTime::subscribe(&node)).transpose()?;
         let samples = Box::new(Topics {
-            services: Services::offer(&node, &sensors, self.commands)?,
+            services: Services::offer(&node, &sensors, &poses, self.commands, lifecycle)?,
             node,
-            awaited: messages.topics(),
+            awaited,
             messages,
-            subscriptions: Vec::new(),
+            poses: poses.len(),
+            subscriptions,
+            clock,
+            newest: None,
             ready: VecDeque::new(),
             looked: None,
             remarks: to,
@@ -98,6 +147,12 @@ struct Topics {
     awaited: Vec<String>,
     /// In the order in which `messages` knows their topics.
     subscriptions: Vec<Subscription>,
+    /// Number of the first topics, by which an operator sets the pose.
+    poses: usize,
+    /// The clock of a simulation.
+    clock: Option<SimulatedTime>,
+    /// The latest time of a sample, which is that of a pose that is set.
+    newest: Option<Time>,
     ready: VecDeque<Sample>,
     looked: Option<Instant>,
     remarks: Sender<Remark>,
@@ -144,15 +199,51 @@ impl Topics {
     /// Takes all messages that are there.
     fn receive(&mut self) {
         let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
-        self.services.answer(&waker, &self.remarks);
+        let set = self.services.answer(&waker, &self.remarks);
+        if self.clock.as_mut().is_some_and(|clock| clock.advance(&waker)) {
+            let text = format!("{TOPIC} went back: the run begins anew");
+            self.newest = None;
+            // the feed that takes them ends with this source
+            self.remarks.send(Remark::Report(Level::Warning, text)).ok();
+            self.remarks.send(Remark::Command(Command::Reset)).ok();
+        }
+        let received = match &self.clock {
+            Some(clock) => clock.now(),
+            None => Some(unix_time()),
+        };
         for (k, subscription) in self.subscriptions.iter().enumerate() {
             // before the messages, so that none is overlooked
             subscription.wake(&waker);
             while let Some(message) = subscription.take() {
-                self.messages.take(k, unix_time(), &message, &mut self.ready);
+                // before its first message, a simulation has no time
+                let Some(received) = received else { continue };
+                if k < self.poses {
+                    self.ready.extend(pose(&mut self.messages, k, &message, self.newest));
+                } else {
+                    self.messages.take(k, received, &message, &mut self.ready);
+                }
             }
         }
+        for (k, message) in set {
+            self.ready.extend(pose(&mut self.messages, k, &message, self.newest));
+        }
     }
+}
+
+/// The samples of a pose that is set, for the time of the newest sample: an operator sets the pose of now,
+/// whatever the stamp. Before the first sample there is none.
+fn pose(
+    messages: &mut Messages,
+    topic: usize,
+    message: &[u8],
+    newest: Option<Time>,
+) -> VecDeque<Sample> {
+    let mut samples = VecDeque::new();
+    if let Some(newest) = newest {
+        messages.take(topic, unix_time(), message, &mut samples);
+        samples.iter_mut().for_each(|sample| sample.time = newest);
+    }
+    samples
 }
 
 impl Source for Topics {
@@ -162,6 +253,7 @@ impl Source for Topics {
             self.receive();
         }
         if let Some(next) = self.ready.pop_front() {
+            self.newest = self.newest.max(Some(next.time));
             *sample = next;
             return Ok(true);
         }
@@ -173,6 +265,9 @@ impl Source for Topics {
         let mut parts: Vec<String> = self.messages.warning().into_iter().collect();
         if !self.awaited.is_empty() {
             parts.push(format!("no publisher of {}", self.awaited.join(", ")));
+        }
+        if self.clock.as_ref().is_some_and(|clock| clock.now().is_none()) {
+            parts.push(format!("use_sim_time = true, and no time on {TOPIC}"));
         }
         (!parts.is_empty()).then(|| parts.join("; "))
     }

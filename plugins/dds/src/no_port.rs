@@ -52,6 +52,10 @@ impl Publication {
     pub fn send(&self, _: &[u8]) {
         match *self {}
     }
+
+    pub fn refused(&self) -> Option<String> {
+        match *self {}
+    }
 }
 
 impl Server {

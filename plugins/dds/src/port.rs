@@ -6,10 +6,12 @@ use rustdds::no_key::{
     DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader,
 };
 use rustdds::policy::{Durability, History, Reliability};
+
 use rustdds::rpc::SampleIdentity;
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, Duration, Publisher, QosPolicies,
-    QosPolicyBuilder, RepresentationIdentifier, Subscriber, TopicKind, WriteOptionsBuilder,
+    DataWriterStatus, DomainParticipant, DomainParticipantBuilder, Duration, Publisher,
+    QosPolicies, QosPolicyBuilder, RepresentationIdentifier, StatusEvented, Subscriber, TopicKind,
+    WriteOptionsBuilder,
 };
 use std::convert::Infallible;
 use std::net::IpAddr;
@@ -230,5 +232,17 @@ impl Publication {
     /// Sends a message in CDR with its encapsulation. A network that is full loses it.
     pub fn send(&self, message: &[u8]) {
         self.0.write(Encoded(message.to_vec()), None).ok();
+    }
+
+    /// The quality of service that a subscriber has asked for since the last call and does not get, so that
+    /// it receives nothing.
+    pub fn refused(&self) -> Option<String> {
+        let mut refused = None;
+        while let Some(status) = self.0.try_recv_status() {
+            if let DataWriterStatus::OfferedIncompatibleQos { last_policy_id, .. } = status {
+                refused = Some(format!("{last_policy_id:?}"));
+            }
+        }
+        refused
     }
 }

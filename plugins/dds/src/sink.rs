@@ -1,7 +1,8 @@
 //! The sink: the newest estimate as topics.
 
 use crate::diagnostics::Diagnostics;
-use crate::link::join;
+use crate::lifecycle::{Lifecycle, State as NodeState};
+use crate::link::{POSE, domain_of, join};
 use crate::names::{of_topic, of_type};
 use crate::port::{Node, Publication};
 use navfuse_core::model::record::{Epoch, Record, Wants};
@@ -15,6 +16,7 @@ use navfuse_links::Blend;
 use navfuse_mcap::{Encoder, Link, Motion, Moved, Pose, Stamp};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::sync::Arc;
 
 /// Time between two diagnoses, s.
 const BETWEEN_DIAGNOSES: f64 = 1.0;
@@ -39,6 +41,8 @@ pub struct Ros2Sink {
     pub local: Option<String>,
     /// Time in which a correction of the continuous estimate decays to 1/e. Default: 2 s.
     pub blend: Option<Positive<Duration>>,
+    /// Topic of the estimate in `map` as `geometry_msgs/PoseWithCovarianceStamped`. Default: none.
+    pub pose: Option<String>,
     /// Publishes the transforms from `map` to `odom` and from `odom` to `base_link` at `/tf`. Default:
     /// false.
     pub tf: bool,
@@ -59,14 +63,18 @@ impl SinkType for Ros2Sink {
     const DEFAULT: bool = false;
 
     fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let node = join(self.domain, &self.interfaces)?;
-        Ok(Box::new(Estimates { node, config: self, run: None }))
+        let domain = domain_of(self.domain);
+        let node = join(domain, &self.interfaces)?;
+        let lifecycle = Lifecycle::of(domain, NodeState::Active);
+        Ok(Box::new(Estimates { node, lifecycle, config: self, run: None }))
     }
 }
 
 /// The topics of a run.
 struct Estimates {
     node: Node,
+    /// The state of the node, by which it publishes.
+    lifecycle: Arc<Lifecycle>,
     config: Ros2Sink,
     /// Once the run starts.
     run: Option<Run>,
@@ -83,6 +91,7 @@ struct Run {
     global: Publication,
     local: Publication,
     tf: Option<Publication>,
+    pose: Option<Publication>,
     diagnoses: Publication,
     diagnostics: Diagnostics,
     diagnosed: Option<Time>,
@@ -99,7 +108,7 @@ impl Sink for Estimates {
             StreamError::scenario("an odometry has a position and an attitude")
                 .with_remedy("remove the sink, or estimate both, as [process.ins] does")
         })?;
-        let Ros2Sink { global, local, blend, tf, datum, origin, .. } = &self.config;
+        let Ros2Sink { global, local, pose, blend, tf, datum, origin, .. } = &self.config;
         let name =
             |topic: &Option<String>, usual: &str| topic.as_deref().unwrap_or(usual).to_owned();
         let offer = |topic: &str, kind: &str| self.node.publish(&of_topic(topic), &of_type(kind));
@@ -113,6 +122,7 @@ impl Sink for Estimates {
             global: odometry(name(global, "/odometry/global"))?,
             local: odometry(name(local, "/odometry/local"))?,
             tf: tf.then(|| offer("/tf", "tf2_msgs/msg/TFMessage")).transpose()?,
+            pose: pose.as_deref().map(|topic| offer(topic, POSE)).transpose()?,
             diagnoses: offer("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")?,
             diagnostics: Diagnostics::new(run),
             diagnosed: None,
@@ -123,7 +133,7 @@ impl Sink for Estimates {
 
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match (record, &mut self.run) {
-            (Record::Newest(epoch), Some(run)) => run.estimate(epoch),
+            (Record::Newest(epoch), Some(run)) => run.estimate(epoch, self.lifecycle.is_active()),
             (Record::Update(update), Some(run)) => {
                 run.diagnostics.take(update);
                 Ok(())
@@ -142,11 +152,16 @@ impl Sink for Estimates {
 }
 
 impl Run {
-    fn estimate(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    /// Publishes an estimate of an active node.
+    fn estimate(&mut self, epoch: &Epoch<'_>, active: bool) -> Result<(), StreamError> {
         let time = epoch.state.time;
         let stamp = Stamp::new(time + self.origin)?;
         self.shown.clone_from(epoch.state);
+        // the motion is followed in every state, so that the output is continuous once it is published
         let offsets = self.blend.take(&self.vehicle, epoch, &mut self.shown);
+        if !active {
+            return Ok(());
+        }
         let Moved { pose, velocity, .. } = self.motion.at(epoch);
         let continuous = self.motion.at(&Epoch { state: &self.shown, ..*epoch });
         let [pose, local] = [pose.of_ros(), continuous.pose.widened(offsets).of_ros()];
@@ -162,6 +177,11 @@ impl Run {
             );
             topic.send(&self.message);
         }
+        if let Some(topic) = &self.pose {
+            self.message.clear();
+            Encoder::new(&mut self.message).pose(stamp, MAP, &pose);
+            topic.send(&self.message);
+        }
         if let Some(tf) = &self.tf {
             self.message.clear();
             Encoder::new(&mut self.message)
@@ -170,6 +190,9 @@ impl Run {
         }
         if self.diagnosed.is_none_or(|last| time.since(last).abs() >= BETWEEN_DIAGNOSES) {
             self.diagnosed = Some(time);
+            for topic in [&self.global, &self.local] {
+                self.diagnostics.refused(topic.refused());
+            }
             self.message.clear();
             Encoder::new(&mut self.message).diagnostics(stamp, &self.diagnostics.all());
             self.diagnoses.send(&self.message);

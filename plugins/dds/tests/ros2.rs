@@ -7,15 +7,16 @@ use navfuse_core::model::record::Event;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::pass_samples;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_dds::DdsPlugin;
+use navfuse_dds::{DdsPlugin, PlayedTopic, PlayedType};
 use navfuse_links::write_sentence;
 use navfuse_live::{Options, run};
 use navfuse_testing::python::{Packages, output};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::scope;
+use std::time::Duration;
 
 /// Seconds of the dive in a second.
 const SPEED: f64 = 5.0;
@@ -105,37 +106,61 @@ fn cyclone() -> Packages<'static> {
     }
 }
 
+/// A domain of its own for each trial.
+fn domain() -> String {
+    static TRIALS: AtomicU32 = AtomicU32::new(0);
+    let domain = std::process::id() * 8 + TRIALS.fetch_add(1, Ordering::Relaxed);
+    (30 + domain % 200).to_string()
+}
+
+/// A run and what the vehicle does.
+struct Trial {
+    /// What the vehicle does beside publishing, as `vehicle.py` knows it.
+    task: &'static str,
+    /// Further keys of the link.
+    link: &'static str,
+    /// Tables before that of the link.
+    tables: &'static str,
+    /// Seconds of the run in a second, as the run expects them.
+    speed: f64,
+}
+
+const COMMANDS: Trial =
+    Trial { task: "commands", link: "commands = true\n", tables: "", speed: SPEED };
+
 /// What the vehicle receives while the scenario runs on its topics, an object for each message, and the
 /// warnings of the run.
-fn received(python: &Path, commands: bool) -> (Vec<Value>, String) {
+fn received(python: &Path, trial: &Trial) -> (Vec<Value>, String) {
     let registry = registry();
     let folder = tempfile::tempdir().unwrap();
     let samples = folder.path().join("samples.txt");
     std::fs::write(&samples, sentences(&registry)).unwrap();
-    // a domain of its own for each test
-    let domain = (30 + (std::process::id() + u32::from(commands)) % 70).to_string();
+    let domain = domain();
+    let Trial { tables, link, .. } = trial;
     let live = scenario(
         &registry,
         &format!(
-            "[link.vehicle]\ntype = \"ros2\"\ndomain = {domain}\ncommands = {commands}\n\
+            "{tables}[link.vehicle]\ntype = \"ros2\"\ndomain = {domain}\n{link}\
              sensors.imu = {{ topic = \"/imu/data\" }}\n\
              sensors.gnss = {{ topic = \"/fix\" }}\n\
              sensors.dvl = {{ topic = \"/dvl/twist\", axes = \"flu\" }}\n\
              sensors.depth = {{ topic = \"/pressure\" }}\n\
-             [sink.ros2]\ndomain = {domain}\ntf = true\n\
+             [sink.ros2]\ndomain = {domain}\ntf = true\npose = \"/pose\"\n\
              datum = {{ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" }}\n"
         ),
     );
     let assembly = live.assemble_live(Some(folder.path())).unwrap();
     let stop = AtomicBool::new(false);
     let (text, warnings) = scope(|threads| {
-        let options = Options { speed: SPEED, ..Options::default() };
+        let options = Options { speed: trial.speed, ..Options::default() };
         let mut first = Some(assembly);
-        let assemble = move || Ok(first.take().unwrap());
+        // a reset assembles the scenario again
+        let (scenario, out) = (&live, folder.path());
+        let assemble = move || first.take().map_or_else(|| scenario.assemble_live(Some(out)), Ok);
         let running = threads.spawn(|| run(assemble, options, &stop, &mut ()).unwrap());
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vehicle.py");
         let mut vehicle = Command::new(python);
-        vehicle.arg(script).arg(&domain).arg(&samples).arg(SPEED.to_string());
+        vehicle.arg(script).arg(&domain).arg(&samples).arg(SPEED.to_string()).arg(trial.task);
         let text = output(&mut vehicle);
         stop.store(true, Ordering::Relaxed);
         let finished = running.join().unwrap();
@@ -160,7 +185,7 @@ fn place(position: &Value, orientation: &Value) -> [f64; 3] {
 #[test]
 fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
     let Some(python) = cyclone().python() else { return };
-    let (all, warnings) = received(&python, true);
+    let (all, warnings) = received(&python, &COMMANDS);
     let of = |topic: &str| all.iter().filter(|m| m["topic"] == topic).collect::<Vec<_>>();
     let [global, local, tf] = [of("global"), of("local"), of("tf")];
     let counts = [global.len(), local.len(), tf.len()];
@@ -179,21 +204,33 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
     let sigma = number(&last["pose"]["covariance"][0]).sqrt();
     assert!(sigma > 0.05 && sigma < 3.0, "{sigma}");
 
+    // the pose alone, for programs that take no odometry
+    let poses = of("pose");
+    assert!(poses.len() > 150, "{}", poses.len());
+    assert!(global.iter().any(|m| m["pose"] == poses[99]["pose"]), "{}", poses[99]);
+
     // `odom` in `map` and the body in `odom` are the body in `map`, at each time
     assert_eq!(local[0]["header"]["frame_id"], "odom");
     for message in tf {
         let stamp = &message["transforms"][0]["header"]["stamp"];
-        let same = global.iter().find(|m| m["header"]["stamp"] == *stamp);
-        let Some(Value::Object(whole)) = same.map(|m| &m["pose"]["pose"]) else { continue };
+        // a late fix corrects the estimate of the same time once more
+        let same = global.iter().filter(|m| m["header"]["stamp"] == *stamp);
+        let wholes: Vec<_> = same.map(|m| &m["pose"]["pose"]).collect();
+        if wholes.is_empty() {
+            continue;
+        }
         let link = |k: usize| {
             let link = &message["transforms"][k];
             assert_eq!(link["child_frame_id"], ["odom", "base_link"][k]);
             place(&link["transform"]["translation"], &link["transform"]["rotation"])
         };
         let ([x, y, turn], [forward, left, _]) = (link(0), link(1));
-        let [east, north, _] = place(&whole["position"], &whole["orientation"]);
-        let error = (x + turn.cos() * forward - turn.sin() * left - east)
-            .hypot(y + turn.sin() * forward + turn.cos() * left - north);
+        let error = |whole: &&Value| {
+            let [east, north, _] = place(&whole["position"], &whole["orientation"]);
+            (x + turn.cos() * forward - turn.sin() * left - east)
+                .hypot(y + turn.sin() * forward + turn.cos() * left - north)
+        };
+        let error = wholes.iter().map(error).fold(f64::INFINITY, f64::min);
         // roll and pitch of the correction are left out here
         assert!(error < 0.05, "{error}: {message}");
     }
@@ -205,9 +242,14 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
         assert!(warnings.contains(outcome), "{warnings}");
     }
 
+    // a subscriber whose quality of service nobody offers receives nothing, and is reported
+    assert!(of("mismatch").is_empty());
     let diagnostics = of("diagnostics");
     assert!((15..50).contains(&diagnostics.len()), "one a second: {}", diagnostics.len());
     let status = diagnostics[diagnostics.len() - 1]["status"].as_array().unwrap();
+    let topics = status.iter().find(|s| s["name"] == "navfuse: topics");
+    let topics = topics.unwrap_or_else(|| panic!("{status:?}"));
+    assert_eq!(topics["values"][0]["value"], "Durability", "{topics}");
     for (sensor, least) in [("gnss", 20), ("dvl", 100), ("depth", 80)] {
         let own = status.iter().find(|s| s["name"] == format!("navfuse: {sensor}")).unwrap();
         let used = own["values"].as_array().unwrap().iter().find(|v| v["key"] == "used").unwrap();
@@ -219,11 +261,136 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
 #[test]
 fn a_run_that_may_not_be_commanded_refuses_with_the_remedy() {
     let Some(python) = cyclone().python() else { return };
-    let (all, warnings) = received(&python, false);
+    let (all, warnings) = received(&python, &Trial { link: "", ..COMMANDS });
     let answers: Vec<_> = all.iter().filter(|m| m["topic"] == "answer").collect();
     assert!(answers.len() == 2 && answers.iter().all(|a| a["success"] == false), "{answers:?}");
     let remedy = "commands are refused: set commands = true in the link";
     assert!(answers.iter().all(|a| a["message"] == remedy), "{answers:?}");
     assert!(warnings.contains("/navfuse/enable_depth: commands are refused"), "{warnings}");
     assert!(!warnings.contains("depth is switched off"), "{warnings}");
+}
+
+/// An operator: a receiver that the filter obeys, on the topic and the service of robot_localization.
+const OPERATOR: &str = "[sensor.operator]\ntype = \"gnss\"\nhorizontal_noise = \"5 m\"\n\
+                        vertical_noise = \"5 m\"\nlate = \"5 s\"\nrecovery = { action = \"obey\" }\n";
+
+#[test]
+fn a_lifecycle_manager_activates_the_node_and_an_operator_sets_the_pose() {
+    let Some(python) = cyclone().python() else { return };
+    let link = "commands = true\nautostart = false\n\
+                sensors.operator = { topic = \"/set_pose\", \
+                datum = { latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" } }\n";
+    let trial = Trial { task: "manage", link, tables: OPERATOR, speed: f64::INFINITY };
+    let (all, warnings) = received(&python, &trial);
+    let answers: Vec<_> = all.iter().filter(|m| m["topic"] == "answer").collect();
+    let answer = |k: usize| answers.get(k).unwrap_or_else(|| panic!("{answers:?} {warnings}"));
+    assert_eq!(answer(0)["current_state"]["label"], "unconfigured");
+    assert_eq!([1, 2, 3].map(|k| answer(k)["success"].as_bool().unwrap()), [false, true, true]);
+    assert_eq!(answer(4)["current_state"], json!({ "id": 3, "label": "active" }));
+    assert_eq!(answer(5)["success"], true, "the receiver is off");
+    assert_eq!(answer(6)["service"], "set_pose");
+    assert_eq!(answer(7)["success"], true, "deactivated");
+    assert_eq!(answer(8)["available_states"].as_array().unwrap().len(), 4);
+    assert_eq!(answer(9)["available_transitions"].as_array().unwrap().len(), 7);
+    assert!(
+        warnings.contains("no transition 3 \"\" leaves the state \"unconfigured\""),
+        "{warnings}"
+    );
+
+    // it is active from 10 to 30 s of the dive
+    let odometry: Vec<_> = all.iter().filter(|m| m["topic"] == "global").collect();
+    let time = |m: &Value| number(&m["header"]["stamp"]["sec"]);
+    let span = [odometry[0], odometry[odometry.len() - 1]].map(time);
+    assert!(span[0] >= 9.0 && span[0] < 13.0 && span[1] > 25.0 && span[1] < 32.0, "{span:?}");
+    // at 16 s the vehicle is put 500 m to the east and 300 m to the south, and goes on from there
+    let at = |second: f64| {
+        let message = odometry.iter().rev().find(|m| time(m) <= second).unwrap();
+        let position = &message["pose"]["pose"]["position"];
+        ([number(&position["x"]), number(&position["y"])], message)
+    };
+    let ([east, north], message) = at(18.0);
+    assert!((east - 500.0).hypot(north + 300.0) < 30.0, "{message} {warnings}");
+    let sigma = number(&message["pose"]["covariance"][0]).sqrt();
+    assert!((1.0..10.0).contains(&sigma), "{sigma}");
+}
+
+#[test]
+fn a_simulation_whose_time_goes_back_begins_the_run_anew() {
+    let Some(python) = cyclone().python() else { return };
+    let link = "use_sim_time = true\n";
+    let trial = Trial { task: "clock", link, tables: "", speed: f64::INFINITY };
+    let (all, warnings) = received(&python, &trial);
+    let stamps: Vec<f64> = all
+        .iter()
+        .filter(|m| m["topic"] == "global")
+        .map(|m| number(&m["header"]["stamp"]["sec"]))
+        .collect();
+    let back = stamps.windows(2).filter(|w| w[1] < w[0]).count();
+    assert_eq!(back, 1, "{stamps:?} {warnings}");
+    // a busy computer loses messages of sensors, which nobody sends again
+    assert!(stamps.iter().any(|s| *s > 20.0) && stamps[stamps.len() - 1] > 3.0, "{stamps:?}");
+}
+
+#[test]
+fn a_node_that_nobody_can_activate_is_refused() {
+    let registry = registry();
+    let link = "[link.vehicle]\ntype = \"ros2\"\nautostart = false\n\
+                sensors.imu = { topic = \"/imu/data\" }\n";
+    let Err(error) = scenario(&registry, link).assemble_live(None) else { panic!("it is opened") };
+    let text = error.to_string();
+    assert!(text.contains("no lifecycle manager can activate the node"), "{text}");
+}
+
+/// The dive as `navfuse play` sends it: the drivers' messages, whose axes are forward, left, up.
+#[test]
+fn a_recording_that_is_played_to_topics_is_navigated_as_it_was() {
+    let registry = registry();
+    let domain = domain();
+    let live = scenario(
+        &registry,
+        &format!(
+            "[link.vehicle]\ntype = \"ros2\"\ndomain = {domain}\n\
+             sensors.imu = {{ topic = \"/imu/data\" }}\nsensors.gnss = {{ topic = \"/fix\" }}\n\
+             sensors.dvl = {{ topic = \"/dvl/twist\", axes = \"flu\" }}\n\
+             sensors.depth = {{ topic = \"/pressure\" }}\n"
+        ),
+    );
+    let offline = scenario(&registry, "").assemble(None).unwrap();
+    let infos: Vec<_> = offline.composition.sensors.iter().map(|s| s.info.clone()).collect();
+    let kinds =
+        [("imu", "/imu/data"), ("fix", "/fix"), ("twist", "/dvl/twist"), ("pressure", "/pressure")];
+    let mut topics: Vec<Option<PlayedTopic>> = infos
+        .iter()
+        .map(|info| {
+            let k = ["imu", "gnss", "dvl", "depth"].iter().position(|name| *name == info.name)?;
+            let kind = PlayedType::ALL.into_iter().find(|(name, _)| *name == kinds[k].0).unwrap().1;
+            Some(PlayedTopic::open(kind, kinds[k].1, domain.parse().ok()).unwrap())
+        })
+        .collect();
+    let stop = AtomicBool::new(false);
+    let finished = scope(|threads| {
+        let options = Options { speed: f64::INFINITY, ..Options::default() };
+        let running =
+            threads.spawn(|| run(|| live.assemble_live(None), options, &stop, &mut ()).unwrap());
+        // the link finds the topics
+        std::thread::sleep(Duration::from_secs(5));
+        pass_samples(offline, |sample| {
+            if let Some(topic) = &mut topics[sample.sensor.0] {
+                topic.send(&infos[sample.sensor.0], sample).unwrap();
+                std::thread::sleep(Duration::from_micros(500));
+            }
+            true
+        })
+        .unwrap();
+        std::thread::sleep(Duration::from_secs(1));
+        stop.store(true, Ordering::Relaxed);
+        running.join().unwrap()
+    });
+    let summary = &finished.summary;
+    // 2 m/s along 30 deg
+    let velocity = &summary.states["ins.velocity"]["estimate"];
+    let error = (number(&velocity[0]) - 1.732).hypot(number(&velocity[1]) - 1.0);
+    assert!(error < 0.1, "{velocity} {:?}", summary.samples);
+    let used = |sensor: &str| summary.samples[sensor]["accepted"].as_u64().unwrap();
+    assert!(used("gnss") > 25 && used("dvl") > 150 && used("depth") > 120, "{:?}", summary.samples);
 }

@@ -1,11 +1,15 @@
 """A vehicle of ROS 2 by Cyclone DDS: publishes the samples in a file of sentences as topics, and prints what it
 receives of navfuse, an object of JSON in each line.
 
-    ros2.py DOMAIN SENTENCES SPEED
+    vehicle.py DOMAIN SENTENCES SPEED TASK
+
+The task is `commands` (a sensor off, a checkpoint), `manage` (a lifecycle manager, and an operator who sets the
+pose) or `clock` (the time of a simulation, which begins anew).
 """
 
 import json
 import math
+import random
 import sys
 import time
 from dataclasses import dataclass
@@ -113,6 +117,17 @@ class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWith
 
 
 @dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"):
+    header: Header
+    pose: PoseWithCovariance
+
+
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
+    clock: Time
+
+
+@dataclass
 class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
     header: Header
     child_frame_id: str
@@ -182,7 +197,7 @@ def of_sample(sensor, stamp, value):
     return TwistStamped(header, TwistWithCovariance(Twist(speed, zero), covariance))
 
 
-domain, sentences, speed = int(sys.argv[1]), sys.argv[2], float(sys.argv[3])
+domain, sentences, speed, task = int(sys.argv[1]), sys.argv[2], float(sys.argv[3]), sys.argv[4]
 participant = DomainParticipant(domain)
 best_effort = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1000))
 reliable = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
@@ -201,11 +216,16 @@ received = {
     "local": ("rt/odometry/local", Odometry),
     "tf": ("rt/tf", TFMessage),
     "diagnostics": ("rt/diagnostics", DiagnosticArray),
+    "pose": ("rt/pose", PoseStamped),
 }
 readers = {
     name: DataReader(participant, Topic(participant, topic, kind), qos=reliable)
     for name, (topic, kind) in received.items()
 }
+# nobody offers what a late subscriber missed: this one receives nothing
+late = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal)
+readers["mismatch"] = DataReader(participant, Topic(participant, "rt/odometry/global", Odometry), qos=late)
+clock = DataWriter(participant, Topic(participant, "rt/clock", Clock), qos=best_effort)
 
 
 @dataclass
@@ -236,6 +256,95 @@ class SetBoolResponse(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Response
     number: int64
     success: bool
     message: str
+
+
+@dataclass
+class State(IdlStruct, typename="lifecycle_msgs::msg::dds_::State_"):
+    id: uint8
+    label: str
+
+
+@dataclass
+class Transition(IdlStruct, typename="lifecycle_msgs::msg::dds_::Transition_"):
+    id: uint8
+    label: str
+
+
+@dataclass
+class ChangeStateRequest(IdlStruct, typename="lifecycle_msgs::srv::dds_::ChangeState_Request_"):
+    client: uint64
+    number: int64
+    transition: Transition
+
+
+@dataclass
+class ChangeStateResponse(IdlStruct, typename="lifecycle_msgs::srv::dds_::ChangeState_Response_"):
+    client: uint64
+    number: int64
+    success: bool
+
+
+@dataclass
+class GetStateRequest(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetState_Request_"):
+    client: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class GetStateResponse(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetState_Response_"):
+    client: uint64
+    number: int64
+    current_state: State
+
+
+@dataclass
+class StatesRequest(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetAvailableStates_Request_"):
+    client: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class StatesResponse(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetAvailableStates_Response_"):
+    client: uint64
+    number: int64
+    available_states: sequence[State]
+
+
+@dataclass
+class TransitionDescription(IdlStruct, typename="lifecycle_msgs::msg::dds_::TransitionDescription_"):
+    transition: Transition
+    start_state: State
+    goal_state: State
+
+
+@dataclass
+class TransitionsRequest(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetAvailableTransitions_Request_"):
+    client: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class TransitionsResponse(IdlStruct, typename="lifecycle_msgs::srv::dds_::GetAvailableTransitions_Response_"):
+    client: uint64
+    number: int64
+    available_transitions: sequence[TransitionDescription]
+
+
+@dataclass
+class SetPoseRequest(IdlStruct, typename="robot_localization::srv::dds_::SetPose_Request_"):
+    client: uint64
+    number: int64
+    pose: PoseStamped
+
+
+@dataclass
+class SetPoseResponse(IdlStruct, typename="robot_localization::srv::dds_::SetPose_Response_"):
+    client: uint64
+    number: int64
+    structure_needs_at_least_one_member: uint8
 
 
 class Service:
@@ -272,40 +381,113 @@ def plain(value):
 
 
 def drain():
+    count = 0
     for name, reader in readers.items():
         for sample in reader.take(N=200):
-            print(json.dumps({"topic": name} | plain(sample)))
+            # a publisher that goes away is no message
+            if isinstance(sample, IdlStruct):
+                print(json.dumps({"topic": name} | plain(sample)))
+                count += 1
+    return count
 
 
 def matched(writer):
     return len(writer.get_matched_subscriptions()) > 0
 
 
-depth = Service("navfuse/enable_depth", SetBoolRequest, SetBoolResponse)
-save = Service("navfuse/checkpoint", TriggerRequest, TriggerResponse)
+def manager():
+    """The services of a lifecycle manager such as Nav2's, and of an operator."""
+    kinds = {
+        "change_state": (ChangeStateRequest, ChangeStateResponse),
+        "get_state": (GetStateRequest, GetStateResponse),
+        "get_available_states": (StatesRequest, StatesResponse),
+        "get_transition_graph": (TransitionsRequest, TransitionsResponse),
+        "enable_gnss": (SetBoolRequest, SetBoolResponse),
+    }
+    all = {name: Service(f"navfuse/{name}", *kind) for name, kind in kinds.items()}
+    return all | {"set_pose": Service("set_pose", SetPoseRequest, SetPoseResponse)}
+
+
+def set_pose(east, north, sigma):
+    """An operator puts the vehicle at a place of `map`, with a stamp of zero as from the command line."""
+    covariance = [0.0] * 36
+    covariance[0] = covariance[7] = covariance[14] = sigma**2
+    pose = Pose(Vector3(east, north, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+    return PoseStamped(Header(Time(0, 0), "map"), PoseWithCovariance(pose, covariance))
+
+
+# what happens at a time of the dive, s
+plan = []
+if task == "commands":
+    depth = Service("navfuse/enable_depth", SetBoolRequest, SetBoolResponse)
+    save = Service("navfuse/checkpoint", TriggerRequest, TriggerResponse)
+if task == "manage":
+    ask = manager()
+    change = lambda number, label: lambda: ask["change_state"].call(Transition(number, label))  # noqa: E731
+    plan = [
+        (8.0, lambda: ask["get_state"].call(0)),
+        # an unconfigured node cannot be activated
+        (8.0, change(3, "")),
+        (8.0, change(1, "")),
+        (10.0, change(0, "activate")),
+        (10.0, lambda: ask["get_state"].call(0)),
+        (15.0, lambda: ask["enable_gnss"].call(False)),
+        (16.0, lambda: ask["set_pose"].call(set_pose(500.0, -300.0, 3.0))),
+        (30.0, change(4, "deactivate")),
+        (30.0, lambda: ask["get_available_states"].call(0)),
+        (30.0, lambda: ask["get_transition_graph"].call(0)),
+    ]
 begin = time.monotonic()
-while not all(matched(writer) for writer in writers.values()):
+while not all(matched(writer) for writer in [*writers.values(), *([clock] if task == "clock" else [])]):
     if time.monotonic() - begin > 60:
         sys.exit("navfuse does not subscribe")
     time.sleep(0.05)
 
-begin, first = time.monotonic(), None
-with open(sentences, encoding="ascii") as file:
-    for line in file:
-        sensor, stamp, *values = line.split("*")[0].split(",")[1:]
-        if sensor not in writers:
-            continue
-        stamp = float(stamp)
-        first = stamp if first is None else first
-        ahead = (stamp - first) / speed - (time.monotonic() - begin)
+
+def deliveries():
+    """The samples as a network delivers them: fixes 2 s late, other measurements up to 0.3 s late and in another order,
+    and some of all not at all."""
+    chance, all = random.Random(7), []
+    with open(sentences, encoding="ascii") as file:
+        for line in file:
+            sensor, stamp, *values = line.split("*")[0].split(",")[1:]
+            if sensor not in writers or chance.random() < (0.005 if sensor == "imu" else 0.02):
+                continue
+            late = {"imu": 0.0, "gnss": 2.0}.get(sensor, chance.uniform(0.0, 0.3))
+            value = {name: float(number) for name, number in (v.split("=") for v in values)}
+            all.append((float(stamp) + late, len(all), sensor, float(stamp), value))
+    return sorted(all)
+
+
+def dive(until):
+    """Publishes the samples up to a time of the dive, s."""
+    begin, first = time.monotonic(), None
+    for due, _, sensor, stamp, value in deliveries():
+        first = due if first is None else first
+        if due > until:
+            return
+        while plan and plan[0][0] <= due:
+            plan.pop(0)[1]()
+            # the calls took time, which is no time of the dive
+            begin = time.monotonic() - (due - first) / speed
+        ahead = (due - first) / speed - (time.monotonic() - begin)
         if ahead > 0.001:
             drain()
             time.sleep(ahead)
-        value = {name: float(number) for name, number in (v.split("=") for v in values)}
+        if sensor == "imu":
+            clock.write(Clock(Time(int(stamp // 1), int(stamp % 1 * 1e9))))
         writers[sensor].write(of_sample(sensor, stamp, value))
-depth.call(False)
-save.call(0)
-until = time.monotonic() + 2
-while time.monotonic() < until:
-    drain()
+
+
+dive(1e9)
+if task == "commands":
+    depth.call(False)
+    save.call(0)
+if task == "clock":
+    dive(12.0)
+# until nothing comes for a while: a busy computer is behind
+quiet = time.monotonic()
+while time.monotonic() - quiet < 2:
+    if drain():
+        quiet = time.monotonic()
     time.sleep(0.05)

@@ -8,6 +8,7 @@ use navfuse_core::units::Angle;
 use navfuse_dvl_files::{AttitudeUse, DvlFile, Screen};
 use navfuse_frames::TimeConfig;
 use navfuse_nmea::{ChecksumUse, Nmea};
+use navfuse_vehicle_logs::ConnectedUnit;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::io::Read;
@@ -34,6 +35,8 @@ pub struct Format {
     pub nmea: Option<NmeaFormat>,
     /// Messages of a Doppler velocity log.
     pub dvl: Option<DvlFormat>,
+    /// Messages of an autopilot, an inertial unit or a receiver.
+    pub unit: Option<ConnectedUnit>,
     /// The time of a sample.
     pub time: TimeOfSample,
     /// The zero of the run's clock.
@@ -110,16 +113,17 @@ impl Format {
         if self.time == TimeOfSample::Arrival {
             time.arrival = Some(unix_time);
         }
-        match (self.nmea, self.dvl) {
-            (None, None) => {
+        match (self.nmea, self.dvl, self.unit) {
+            (None, None, None) => {
                 let zero = time.zero().map_err(|e| e.at_key("clock"))?;
                 let commands = self.commands.then(|| remarks.clone());
                 Ok(Box::new(Samples::new(file, reader, zero, commands, context)))
             }
             _ if self.commands => Err(StreamError::scenario("commands are sentences of samples")
                 .at_key("commands")
-                .with_remedy("remove it, or add a link without `nmea` and `dvl`")),
-            (Some(n), None) => {
+                .with_remedy("remove it, or add a link without `nmea`, `dvl` and `unit`")),
+            (None, None, Some(unit)) => unit.connected(file, reader, (time, unix_time), context),
+            (Some(n), None, None) => {
                 let NmeaFormat { gnss, heading, magnetic, declination, usbl, beacon, .. } = n;
                 let NmeaFormat { depth, reference, talker, estimated, checksum, .. } = n;
                 let nmea = Nmea {
@@ -139,7 +143,7 @@ impl Format {
                 };
                 nmea.connected(reader, context)
             }
-            (None, Some(d)) => {
+            (None, Some(d), None) => {
                 let dvl = DvlFile {
                     file,
                     format: Some(d.format),
@@ -152,8 +156,8 @@ impl Format {
                 };
                 dvl.connected(reader, context)
             }
-            (Some(_), Some(_)) => Err(StreamError::scenario("a link has one format")
-                .with_remedy("remove `nmea` or `dvl`, or make two links")),
+            _ => Err(StreamError::scenario("a link has one format")
+                .with_remedy("keep one of `nmea`, `dvl` and `unit`, or make two links")),
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Links: samples that arrive over UDP, TCP, serial ports and standard input while a vehicle moves,
-//! and estimates that leave over UDP, as JSON, NMEA 0183 or MAVLink.
+//! and estimates that leave over UDP or a serial port, as JSON, NMEA 0183 or MAVLink.
 //!
 //! A link reads one stream of bytes for all sensors that it feeds, on a thread of its own. Its
-//! format is that of NMEA 0183, that of a Doppler velocity log, or [sentences](Sentence) of
-//! samples. A port that is lost is opened again.
+//! format is that of NMEA 0183, of a Doppler velocity log, of an autopilot, an inertial unit or a receiver,
+//! or [sentences](Sentence) of samples. A port that is lost is opened again.
 
 mod blend;
 mod config;
@@ -17,6 +17,7 @@ mod samples;
 mod sentence;
 mod serial;
 mod sink;
+mod way;
 
 pub use blend::Blend;
 pub use config::{DvlFormat, Format, NmeaFormat, TimeOfSample, unix_time};
@@ -27,11 +28,11 @@ pub use port::{Remark, is_worth_a_report};
 pub use ports::{StandardInput, Tcp, Udp};
 pub use sentence::{Sentence, write_sentence};
 pub use serial::{Serial, serial_port};
-pub use sink::{EstimateFormat, Known, Motion, UdpSink};
+pub use sink::{EstimateFormat, Known, Motion, SerialSink, UdpSink};
 
 use navfuse_core::plugin::{Plugin, Registry};
 
-/// Registers the link types `udp`, `tcp`, `serial` and `stdin`, and the sink type `udp`.
+/// Registers the link types `udp`, `tcp`, `serial` and `stdin`, and the sink types `udp` and `serial`.
 #[derive(Clone, Copy, Debug)]
 pub struct LinksPlugin;
 
@@ -42,6 +43,7 @@ impl Plugin for LinksPlugin {
         registry.link::<Serial>();
         registry.link::<StandardInput>();
         registry.sink::<UdpSink>();
+        registry.sink::<SerialSink>();
     }
 
     navfuse_core::named_after_crate!();

@@ -7,6 +7,7 @@ use crate::port::{Open, PATIENCE, Port, Remark};
 use navfuse_core::model::stream::{Feed, StreamError};
 use navfuse_core::plugin::{LinkType, OpenContext};
 use navfuse_frames::TimeConfig;
+use navfuse_vehicle_logs::ConnectedUnit;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use socket2::{SockRef, TcpKeepalive};
@@ -24,7 +25,7 @@ const ALIVE: TcpKeepalive = TcpKeepalive::new()
 /// Longest time for which a server may take to answer.
 const CONNECT: Duration = Duration::from_secs(1);
 
-/// Receives datagrams of UDP at an address. Without `nmea` or `dvl` they hold sentences of samples.
+/// Receives datagrams of UDP at an address. Without `nmea`, `dvl` or `unit` they hold sentences of samples.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Udp {
@@ -35,6 +36,8 @@ pub struct Udp {
     pub nmea: Option<NmeaFormat>,
     /// The bytes are messages of a Doppler velocity log.
     pub dvl: Option<DvlFormat>,
+    /// The bytes are messages of an autopilot (MAVLink), an inertial unit or a receiver.
+    pub unit: Option<ConnectedUnit>,
     /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
     #[serde(default)]
     pub time: TimeOfSample,
@@ -46,7 +49,7 @@ pub struct Udp {
     pub commands: bool,
 }
 
-/// Connects to a server by TCP, and again whenever the connection is lost. Without `nmea` or `dvl`
+/// Connects to a server by TCP, and again whenever the connection is lost. Without `nmea`, `dvl` or `unit`
 /// the server sends sentences of samples.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -57,6 +60,8 @@ pub struct Tcp {
     pub nmea: Option<NmeaFormat>,
     /// The bytes are messages of a Doppler velocity log.
     pub dvl: Option<DvlFormat>,
+    /// The bytes are messages of an autopilot (MAVLink), an inertial unit or a receiver.
+    pub unit: Option<ConnectedUnit>,
     /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
     #[serde(default)]
     pub time: TimeOfSample,
@@ -68,7 +73,7 @@ pub struct Tcp {
     pub commands: bool,
 }
 
-/// Reads standard input to its end. Without `nmea` or `dvl` it holds sentences of samples.
+/// Reads standard input to its end. Without `nmea`, `dvl` or `unit` it holds sentences of samples.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StandardInput {
@@ -76,6 +81,8 @@ pub struct StandardInput {
     pub nmea: Option<NmeaFormat>,
     /// The bytes are messages of a Doppler velocity log.
     pub dvl: Option<DvlFormat>,
+    /// The bytes are messages of an autopilot (MAVLink), an inertial unit or a receiver.
+    pub unit: Option<ConnectedUnit>,
     /// Time of a sample: `header`, its own stamp, or `arrival`. Default: `header`.
     #[serde(default)]
     pub time: TimeOfSample,
@@ -91,14 +98,19 @@ impl LinkType for Udp {
     const TYPE: &'static str = "udp";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { address, nmea, dvl, time, clock, commands } = self;
+        let Self { address, nmea, dvl, unit, time, clock, commands } = self;
         let place = resolve(&address)?;
         let open = move |remarks: &Sender<Remark>| {
             let datagrams = Datagrams::bind(place, remarks.clone())?;
             Ok(Box::new(datagrams) as Box<dyn Read + Send>)
         };
         let name = format!("udp {address}");
-        lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (false, context))
+        lasting(
+            name,
+            Box::new(open),
+            Format { nmea, dvl, unit, time, clock, commands },
+            (false, context),
+        )
     }
 }
 
@@ -106,11 +118,16 @@ impl LinkType for Tcp {
     const TYPE: &'static str = "tcp";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { address, nmea, dvl, time, clock, commands } = self;
+        let Self { address, nmea, dvl, unit, time, clock, commands } = self;
         let place = resolve(&address)?;
         let open = move |_: &Sender<Remark>| Ok(Box::new(connect(place)?) as Box<dyn Read + Send>);
         let name = format!("tcp {address}");
-        lasting(name, Box::new(open), Format { nmea, dvl, time, clock, commands }, (true, context))
+        lasting(
+            name,
+            Box::new(open),
+            Format { nmea, dvl, unit, time, clock, commands },
+            (true, context),
+        )
     }
 }
 
@@ -118,8 +135,8 @@ impl LinkType for StandardInput {
     const TYPE: &'static str = "stdin";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Feed>, StreamError> {
-        let Self { nmea, dvl, time, clock, commands } = self;
-        let format = Format { nmea, dvl, time, clock, commands };
+        let Self { nmea, dvl, unit, time, clock, commands } = self;
+        let format = Format { nmea, dvl, unit, time, clock, commands };
         let (to, remarks) = channel();
         let samples = format.samples("standard input", io::stdin(), &to, context)?;
         Ok(Box::new(PortFeed { samples, remarks, waits: true }))

@@ -1,8 +1,9 @@
-//! The newest estimate in datagrams, as JSON, NMEA 0183 or MAVLink.
+//! The newest estimate in datagrams or over a serial port, as JSON, NMEA 0183 or MAVLink.
 
 use crate::blend::Blend;
 use crate::mavlink::{Mavlink, MavlinkFormat};
-use crate::ports::resolve;
+use crate::serial::check_rate;
+use crate::way::{Datagrams, SerialOut, Way};
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
@@ -14,8 +15,6 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
-use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
 
 /// Quality of a position in GGA: estimated, by dead reckoning.
 const ESTIMATED: u8 = 6;
@@ -52,43 +51,54 @@ pub enum EstimateFormat {
     Nmea,
 }
 
+/// Sends the newest estimate over a serial port at the output rate, such as to an autopilot. A link may read
+/// the same port at the same rate.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SerialSink {
+    /// The port, such as `/dev/ttyACM0`, or `COM3` on Windows.
+    pub device: String,
+    /// Bits a second, such as 115200.
+    pub baud: u32,
+    /// `json`, an object in each line, or `nmea`, the sentences GGA, GST, VTG and HDT. Default: `json`.
+    #[serde(default)]
+    pub format: EstimateFormat,
+    /// Messages of MAVLink for an autopilot, in place of `format`: `mavlink = {}`.
+    pub mavlink: Option<MavlinkFormat>,
+    /// Date and time at which the run's clock is zero. Default: 1970-01-01T00:00:00, so that the
+    /// times of the run are Unix times.
+    pub origin: Option<Date>,
+    /// Makes position and attitude continuous: a correction decays to 1/e in this time, such as `2 s`,
+    /// and is in the sigma until then. Default: the estimate itself, which jumps.
+    pub blend: Option<Positive<Duration>>,
+}
+
 impl SinkType for UdpSink {
     const TYPE: &'static str = "udp";
     const DEFAULT: bool = false;
 
     fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let failed = |e: std::io::Error| {
-            StreamError::network(format!("{:?}: {e}", self.address))
-                .at_key("address")
-                .with_remedy("give a host and a port, such as 127.0.0.1:5006")
-        };
-        let place = resolve(&self.address)?;
-        let own = if place.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
-        let socket = UdpSocket::bind(own).map_err(failed)?;
-        // a full buffer of the network loses a datagram, and does not make the filter wait
-        socket.set_nonblocking(true).map_err(failed)?;
-        let origin = self.origin.map_or(0, |date| date.nanos);
-        let (format, address) = (self.format, self.address);
-        Ok(Box::new(Estimates {
-            socket,
-            place,
-            address,
-            format,
-            origin,
-            messages: self.mavlink,
-            mavlink: None,
-            vehicle: Vehicle::default(),
-            blend: self.blend.map(|time| (Blend::new(time.value().si()), State::default())),
-            text: String::new(),
-        }))
+        let Self { address, format, mavlink, origin, blend } = self;
+        let way = Datagrams::to(address)?;
+        Ok(Box::new(Estimates::new(Box::new(way), format, mavlink, origin, blend)))
+    }
+}
+
+impl SinkType for SerialSink {
+    const TYPE: &'static str = "serial";
+    const DEFAULT: bool = false;
+
+    fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let Self { device, baud, format, mavlink, origin, blend } = self;
+        check_rate(baud)?;
+        let way = SerialOut::start(device, baud)?;
+        Ok(Box::new(Estimates::new(Box::new(way), format, mavlink, origin, blend)))
     }
 }
 
 /// Sends each estimate.
 struct Estimates {
-    socket: UdpSocket,
-    place: SocketAddr,
-    address: String,
+    way: Box<dyn Way>,
     format: EstimateFormat,
     /// Nanoseconds since 1970 of the run's zero.
     origin: i64,
@@ -99,6 +109,27 @@ struct Estimates {
     /// The continuous output, and its state.
     blend: Option<(Blend, State)>,
     text: String,
+}
+
+impl Estimates {
+    fn new(
+        way: Box<dyn Way>,
+        format: EstimateFormat,
+        messages: Option<MavlinkFormat>,
+        origin: Option<Date>,
+        blend: Option<Positive<Duration>>,
+    ) -> Self {
+        Self {
+            way,
+            format,
+            origin: origin.map_or(0, |date| date.nanos),
+            messages,
+            mavlink: None,
+            vehicle: Vehicle::default(),
+            blend: blend.map(|time| (Blend::new(time.value().si()), State::default())),
+            text: String::new(),
+        }
+    }
 }
 
 impl Sink for Estimates {
@@ -131,17 +162,11 @@ impl Sink for Estimates {
             (None, EstimateFormat::Json) => motion().json(&mut self.text, time.seconds()),
             (None, EstimateFormat::Nmea) => motion().nmea(&mut self.text, unix),
         };
-        match self.socket.send_to(bytes, self.place) {
-            // nobody listens yet, or the network is gone for a while
-            Err(e) if e.kind() == ErrorKind::InvalidInput => {
-                Err(StreamError::network(format!("{}: {e}", self.address)))
-            }
-            _ => Ok(()),
-        }
+        self.way.send(bytes)
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(Some(format!("udp://{}", self.address)))
+        Ok(Some(self.way.place()))
     }
 }
 

@@ -26,14 +26,22 @@ fn the_state_of_a_live_run_is_that_of_the_offline_run_and_its_log_replays_to_the
 }
 
 #[test]
-fn the_scenario_of_the_page_on_the_bluerov2_composes() {
-    let page = include_str!("../../../docs/src/how-to/bluerov2.md");
-    let scenario =
-        page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
-    let registry = navfuse::standard_plugins();
-    let document = Document::parse("bluerov2.toml".to_owned(), scenario.to_owned()).unwrap();
-    let composition = Scenario::new(&registry, document, &[]).unwrap().compose().unwrap();
-    assert!(composition.sensor("dvl").is_some());
+fn the_scenarios_of_the_pages_on_the_bluerov2_and_on_ros_2_compose() {
+    for page in [
+        include_str!("../../../docs/src/how-to/bluerov2.md"),
+        include_str!("../../../docs/src/tutorials/ros2-odometry.md"),
+    ] {
+        let scenario =
+            page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        let registry = navfuse::standard_plugins();
+        let document = Document::parse("page.toml".to_owned(), scenario.to_owned()).unwrap();
+        let scenario = Scenario::new(&registry, document, &[]).unwrap();
+        assert!(scenario.compose().unwrap().sensor("dvl").is_some());
+        // links and sinks fit the sensors: a program without ROS 2 stops at its network alone
+        let opened = scenario.assemble_live(None).map(drop);
+        let reason = opened.err().map_or_else(String::new, |error| error.to_string());
+        assert!(reason.is_empty() || reason.contains("built without ROS 2"), "{reason}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! The estimate in messages of MAVLink, as pymavlink reads them.
+//! Messages of MAVLink both ways, with pymavlink as the autopilot.
 
-use super::desk::{datagrams, dive};
+use super::desk::{Desk, datagrams, dive, result, stop, warnings};
+use navfuse_testing::absent::{Need, skip};
 use navfuse_testing::python::{output, vehicle_logs};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -102,4 +103,65 @@ fn an_autopilot_receives_the_motion_between_two_messages() {
         // the sigma of the velocity is below 0.1 m/s after the first reports of the DVL
         assert!(number(&message["confidence"]) <= 100.0);
     }
+}
+
+/// An autopilot at a serial port, both of whose ends `socat` makes: its IMU, receiver and pressure sensor are the
+/// samples, and the estimate goes back over the same port.
+#[cfg(unix)]
+#[test]
+fn a_serial_autopilot_gives_its_sensors_and_receives_the_estimate_over_one_port() {
+    let Some(python) = vehicle_logs(env!("CARGO_TARGET_TMPDIR")).python() else { return };
+    let desk = Desk::new("");
+    let [near, far] = ["near", "far"].map(|name| desk.path(name).display().to_string());
+    let ends = [&near, &far].map(|path| format!("pty,raw,echo=0,link={path}"));
+    let Ok(mut socat) = Command::new("socat").args(&ends).spawn() else {
+        return skip(Need::Unix, "`socat`, which makes a serial line");
+    };
+    while !(Path::new(&near).exists() && Path::new(&far).exists()) {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let link = format!(
+        "[link.autopilot]\ntype = \"serial\"\ndevice = \"{near}\"\nbaud = 921600\n\
+         [link.autopilot.unit]\nformat = \"mavlink\"\nsensors.imu = {{ message = \"HIGHRES_IMU\" }}\n\
+         sensors.gnss = {{ message = \"GPS_RAW_INT\" }}\n\
+         sensors.depth = {{ message = \"SCALED_PRESSURE2\" }}\n\
+         [sink.autopilot]\ntype = \"serial\"\ndevice = \"{near}\"\nbaud = 921600\n\
+         [sink.autopilot.mavlink]\ndatum = {{ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" }}\n"
+    );
+    let scenario = desk.path("desk.toml");
+    let vehicle = std::fs::read_to_string(&scenario).unwrap();
+    std::fs::write(&scenario, vehicle + &link).unwrap();
+    let live = desk.live(&[
+        // it would wait for the start that the reference gives
+        "--set",
+        "sensor.reference.enabled=false",
+        "--set",
+        "process.ins.attitude.initial=[\"0 deg\", \"0 deg\", \"30 deg\"]",
+        "--set",
+        "process.ins.velocity.initial=[\"0 m/s\", \"0 m/s\", \"0 m/s\"]",
+        "--set",
+        "process.ins.position={ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\", sigma = \"5 m\" }",
+    ]);
+    desk.wait_for("it listens", |_| true);
+    let samples = desk.path("samples");
+    std::fs::write(&samples, &dive().sentences).unwrap();
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/program/live/autopilot.py");
+    let text = output(Command::new(python).arg(script).arg(&far).arg(&samples).arg("12"));
+    stop(&live);
+    let result = result(live.wait_with_output().unwrap());
+    socat.kill().unwrap();
+    socat.wait().unwrap();
+    let text = text.unwrap_or_else(|why| panic!("{why} {}", warnings(&result)));
+    let all: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let of = |kind: &str| all.iter().filter(|m| m["mavpackettype"] == kind).collect::<Vec<_>>();
+    assert_eq!(of("BAD_DATA").len(), 0);
+    // 10 a second of 12 s, on a busy computer
+    let odometry = of("ODOMETRY");
+    assert!(odometry.len() > 50 && of("HEARTBEAT").len() > 5, "{text} {}", warnings(&result));
+    // 7 s after it begins to move with 0.2 m/s^2 along a heading of 30 deg
+    let last = odometry[odometry.len() - 1];
+    let speed = number(&last["vx"]).hypot(number(&last["vy"]));
+    assert!((1.0..1.8).contains(&speed), "{last}");
+    let used = |sensor: &str| result["samples"][sensor]["accepted"].as_u64().unwrap();
+    assert!(used("gnss") > 8 && used("depth") > 30, "{result}");
 }

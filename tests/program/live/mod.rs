@@ -1,6 +1,7 @@
 //! Live runs from end to end: the command on samples that arrive over its links.
 
 mod commands;
+mod container;
 mod desk;
 mod embedded;
 mod faults;

@@ -12,15 +12,20 @@ const NAVFUSE: &str = env!("CARGO_BIN_EXE_navfuse");
 /// Runs a script of bash in a network of its own, which has the loopback alone; `None` where the system
 /// gives none.
 fn in_network(script: &str) -> Option<Output> {
+    unshared("-rn", &format!("ip link set lo up || exit 77\n{script}"))
+}
+
+/// Runs a script of bash in a part of the system of its own, which exits with 77 where it gets none.
+fn unshared(part: &str, script: &str) -> Option<Output> {
     let mut shell = Command::new("unshare");
-    shell.args(["-rn", "bash", "-c", &format!("ip link set lo up || exit 77\n{script}")]);
+    shell.args([part, "bash", "-c", script]);
     let output = shell.stdin(Stdio::null()).output();
     match output {
         Ok(output) if output.status.code() != Some(77) && output.status.code() != Some(1) => {
             Some(output)
         }
         _ => {
-            skip(Need::Unix, "`unshare` and `ip`, which make a network");
+            skip(Need::Unix, "`unshare` with `ip` or `mount`, which make a network or a disk");
             None
         }
     }
@@ -91,7 +96,7 @@ fn a_disk_that_does_not_keep_up_costs_the_log_and_not_the_run() {
     }
     // it can be opened for writing, and is full soon
     let reader = OpenOptions::new().read(true).write(true).open(&pipe).unwrap();
-    let samples = many(&desk.path("desk.toml"));
+    let samples = many(&desk.path("desk.toml"), "5 kHz");
     let log = format!("sink.mcap.path=\"{}\"", pipe.display());
     let uncompressed = "sink.mcap.compression=none";
     let result = desk.pass(
@@ -115,15 +120,62 @@ fn a_disk_that_does_not_keep_up_costs_the_log_and_not_the_run() {
     assert!(read > 190_000, "{result}");
 }
 
-/// The dive with an IMU that is fast: some 200 000 samples, more than 600 batches of 256 records.
-fn many(scenario: &Path) -> Vec<u8> {
+/// A disk that is full from the first sample on, and from which somebody removes a file after 20 s of the dive.
+#[test]
+fn a_log_on_a_full_disk_goes_on_once_there_is_room_and_the_gap_is_reported() {
+    let desk = Desk::new("[link.stdin]\n");
+    let [scenario, out, disk, copy, pipe, first, second] =
+        ["desk.toml", "live", "disk", "copy.mcap", "pipe", "first", "second"]
+            .map(|name| desk.path(name).display().to_string());
+    // several chunks of the log in each part
+    let samples = String::from_utf8(many(Path::new(&scenario), "500 Hz")).unwrap();
+    let time = |line: &str| line.split(',').nth(2).and_then(|t| t.parse::<f64>().ok());
+    for (path, late) in [(&first, false), (&second, true)] {
+        let part = samples.lines().filter(|line| time(line).is_some_and(|t| (t >= 20.0) == late));
+        let part: String = part.map(|line| format!("{line}\r\n")).collect();
+        std::fs::write(path, part).unwrap();
+    }
+    let script = format!(
+        "mkdir '{disk}' && mount -t tmpfs -o size=24m tmpfs '{disk}' || exit 77
+         head -c 30000000 /dev/zero >'{disk}/theirs' 2>/dev/null
+         mkfifo '{pipe}'
+         '{NAVFUSE}' live '{scenario}' --out '{out}' --format json --speed inf \
+             --set 'sink.mcap.path=\"{disk}/run.mcap\"' <'{pipe}' & live=$!
+         exec 3>'{pipe}'
+         cat '{first}' >&3
+         for k in $(seq 600); do grep -q '\"time_s\": 19.9' '{out}/live.json' && break; sleep 0.1; done
+         rm '{disk}/theirs'
+         sleep 6
+         cat '{second}' >&3
+         exec 3>&-
+         wait $live
+         status=$?
+         cp '{disk}/run.mcap' '{copy}'
+         exit $status"
+    );
+    let Some(output) = unshared("-rm", &script) else { return };
+    let live = result(output);
+    let text = live["paths"].to_string();
+    let gap = "run.mcap, but nothing was logged from ";
+    assert!(text.contains(gap), "{text} {}", warnings(&live));
+    assert!(text.contains("No space left"), "{text}");
+    // the rest of the dive is a log of its own, which has the reason too
+    let replay = crate::common::navfuse(&["replay", &copy, "--no-output", "--format", "json"]);
+    let replayed = result(replay);
+    let length = replayed["duration_s"].as_f64().unwrap();
+    // the samples of `late` and of the last batch before the pause are logged too
+    assert!((18.0..25.0).contains(&length), "{length}");
+}
+
+/// The dive with an IMU of a rate: at 5 kHz some 200 000 samples, more than 600 batches of 256 records.
+fn many(scenario: &Path, rate: &str) -> Vec<u8> {
     let played = crate::common::navfuse(&[
         "play",
         &scenario.display().to_string(),
         "--speed",
         "inf",
         "--set",
-        "sensor.imu.simulation.rate=5 kHz",
+        &format!("sensor.imu.simulation.rate={rate}"),
     ]);
     assert!(played.status.success(), "{played:?}");
     played.stdout

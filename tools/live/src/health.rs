@@ -73,10 +73,16 @@ impl Sensors {
         let doubted = |name: &str| {
             verdict.reasons.iter().any(|r| r.about == name && r.severity >= Severity::Doubtful)
         };
+        let sensors = self.lock();
+        let newest = sensors.iter().filter_map(|sensor| Some(sensor.last?.0)).max();
         let status = |sensor: &Sensor| {
             let mut status = sensor.status.clone();
             status.rate_hz = sensor.rhythm.usual().map(|usual| 1.0 / usual);
-            status.age_s = sensor.last.map(|(_, at)| self.seconds(now, at));
+            status.age_s = match self.speed.is_finite() {
+                true => sensor.last.map(|(_, at)| self.seconds(now, at)),
+                // time goes on by the samples alone
+                false => newest.zip(sensor.last).map(|(newest, (time, _))| newest.since(time)),
+            };
             if status.age_s.is_some_and(|age| age > sensor.rhythm.patience()) {
                 status.state = SensorState::Silent;
             } else if doubted(&status.name) {
@@ -84,7 +90,7 @@ impl Sensors {
             }
             status
         };
-        self.lock().iter().map(status).collect()
+        sensors.iter().map(status).collect()
     }
 
     fn seconds(&self, now: Instant, at: Instant) -> f64 {

@@ -61,6 +61,7 @@ mod frames;
 mod log;
 mod message;
 mod motion;
+mod pause;
 mod pose;
 mod reader;
 mod records;

@@ -199,6 +199,14 @@ impl<'a> Encoder<'a> {
         self.0.write_u8(if covariance.is_some() { 3 } else { 0 });
     }
 
+    /// `geometry_msgs/TwistWithCovarianceStamped` of a velocity (m/s) along the axes of a frame, whose
+    /// accuracy and angular rate are unknown.
+    pub fn twist(mut self, stamp: Stamp, frame: &str, velocity: &[f64; 3]) {
+        self.header(stamp, frame);
+        self.numbers(velocity);
+        self.numbers(&[0.0; 3 + 36]);
+    }
+
     /// `nav_msgs/Odometry`: position (m) and attitude in the first frame, velocity (m/s) along the
     /// axes of the second, and their covariances. The angular rate is not given: the first element
     /// of its covariance is -1.
@@ -220,6 +228,14 @@ impl<'a> Encoder<'a> {
         covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&velocity.covariance);
         covariance[(3, 3)] = -1.0;
         self.numbers(covariance.transpose().as_slice());
+    }
+
+    /// `geometry_msgs/PoseWithCovarianceStamped`: position (m) and attitude in a frame, and their covariance.
+    pub fn pose(mut self, stamp: Stamp, frame: &str, pose: &Pose) {
+        self.header(stamp, frame);
+        self.numbers(pose.position.as_slice());
+        self.quaternion(&pose.attitude);
+        self.numbers(pose.covariance.transpose().as_slice());
     }
 
     /// `tf2_msgs/TFMessage`.

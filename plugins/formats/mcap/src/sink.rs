@@ -4,12 +4,15 @@ use crate::chunk::Definitions;
 use crate::file::{Compression, LogFile};
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
 use crate::message::Stamp;
+use crate::pause::Pause;
 use crate::topics::Topics;
 use crate::writer::LogWriter;
 use navfuse_core::files::{WholeFile, numbered, part_of};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Derived, Epoch, Event, InputRejection, Record, UpdateRecord};
+use navfuse_core::model::record::{
+    Derived, Epoch, Event, InputRejection, Level, Record, UpdateRecord,
+};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -46,6 +49,8 @@ fn run_mcap() -> PathBuf {
 }
 
 const SECOND: u64 = 1_000_000_000;
+/// Most pauses of a log that its end lists.
+const LISTED: usize = 8;
 
 impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
@@ -88,6 +93,10 @@ pub struct McapSink {
     first: Option<Time>,
     /// Number of the file that is being written, from 1.
     number: u32,
+    /// Set while a log of several files cannot be written.
+    pause: Option<Pause>,
+    /// The pauses so far, in words.
+    pauses: Vec<String>,
 }
 
 impl McapSink {
@@ -109,6 +118,8 @@ impl McapSink {
             recording: None,
             first: None,
             number: 1,
+            pause: None,
+            pauses: Vec::new(),
         })
     }
 
@@ -137,25 +148,61 @@ impl McapSink {
         now: Time,
         write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
     ) -> Result<(), StreamError> {
-        let written = write(self.recording(now)?);
-        if written.is_err() {
-            // a log with a hole never takes its name
-            self.recording = None;
+        if self.pause.is_some() {
+            return Ok(());
         }
-        written.map_err(|e| failure(&self.path, e))
+        let recorded = match self.recording(now) {
+            Ok(recording) => write(recording).map_err(|e| failure(&self.path, e)),
+            Err(error) => Err(error),
+        };
+        recorded.or_else(|error| self.fail(now, error))
+    }
+
+    /// Ends a log that cannot be written. One of several files goes on in a new one.
+    fn fail(&mut self, now: Time, error: StreamError) -> Result<(), StreamError> {
+        // a log with a hole never takes its name
+        self.recording = None;
+        if self.limits.age.is_none() && self.limits.bytes.is_none() {
+            return Err(error);
+        }
+        self.pause = Some(Pause::begin(now, error));
+        Ok(())
+    }
+
+    /// Creates the next file of a log that could not be written, once there is room.
+    fn resume(&mut self, now: Time) {
+        let path = numbered(&self.path, self.number);
+        let Some(pause) = self.pause.take_if(|pause| pause.is_over(&path)) else { return };
+        // the file of this run that got no byte
+        let part = part_of(&path);
+        if std::fs::metadata(&part).is_ok_and(|m| m.is_file() && m.len() == 0) {
+            std::fs::remove_file(part).ok();
+        }
+        let Ok(file) = WholeFile::create(&path) else {
+            self.pause = Some(pause);
+            return;
+        };
+        self.file = Some(file);
+        let text = pause.describe(now);
+        if self.pauses.len() < LISTED {
+            self.pauses.push(text.clone());
+        }
+        let (level, about) = (Level::Warning, Mcap::TYPE.into());
+        self.held.push(Event { time: now, level, about, text });
     }
 }
 
 impl McapSink {
     /// Takes a sample, with which a new file may begin.
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        self.resume(sample.time);
         let Limits { age, bytes } = self.limits;
         let due = self.recording.as_ref().is_some_and(|r| {
             age.is_some_and(|age| sample.time - r.begin >= age)
                 || bytes.is_some_and(|bytes| r.log.length() >= bytes)
         });
-        if due {
-            self.next_file()?;
+        if due && let Err(error) = self.next_file() {
+            return self.fail(sample.time, error);
         }
         self.record(sample.time, |r| r.sample(sample))
     }
@@ -214,22 +261,29 @@ impl Sink for McapSink {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Some(pause) = self.pause.take() {
+            return Err(pause.cause);
+        }
         self.recording(Time::default())?;
         if let Some(recording) = self.recording.take() {
             recording.finish().map_err(|e| failure(&self.path, e))?;
         }
         let path = self.path.display();
-        Ok(Some(match self.number {
+        let files = match self.number {
             1 => path.to_string(),
             _ => format!("{path} to {}", numbered(&self.path, self.number).display()),
-        }))
+        };
+        let pauses = self.pauses.iter().map(|pause| format!(", but {pause}"));
+        Ok(Some(pauses.fold(files, |text, pause| text + &pause)))
     }
 }
 
 impl McapSink {
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         if self.recording.is_none() {
-            self.held.push(event.clone());
+            if self.pause.is_none() {
+                self.held.push(event.clone());
+            }
             return Ok(());
         }
         self.record(event.time, |r| r.event(event))

@@ -36,6 +36,7 @@
 
 mod checksum;
 mod config;
+mod connected;
 mod dataflash;
 mod doubles;
 mod format;
@@ -60,6 +61,7 @@ mod vectornav;
 mod vectornav_binary;
 
 pub use config::{FieldConfig, SensorConfig, StampUse, VehicleLog};
+pub use connected::{ConnectedUnit, LiveFormat};
 pub use format::Format;
 pub use record::{Decoder, Options, Record, Topic};
 

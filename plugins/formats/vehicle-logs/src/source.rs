@@ -28,38 +28,10 @@ impl SourceType for VehicleLog {
         self.check(format)?;
         let mut sources: Vec<Box<dyn Source>> = Vec::new();
         for target in targets {
-            let options = Options {
-                topics: [Some(&target.config.message), target.config.with.as_ref()]
-                    .into_iter()
-                    .flatten()
-                    .cloned()
-                    .collect(),
-                received: self.stamp == StampUse::Received,
-                week: self.week,
-                interval: self
-                    .interval
-                    .and_then(|i| Span::from_seconds(i.value().si()))
-                    .map(Span::nanos),
-                unit: self.unit,
-                unchecked: self.checksum == ChecksumUse::Ignore,
-            };
-            let mut stream = Stream {
-                decoder: format.decoder(open(&path)?, &options),
-                format,
-                path: path.clone(),
-                join: target.config.with.as_ref().map(|_| Join::default()),
-                fillings: Vec::new(),
-                target,
-                clock: Clock::new(self.time.zero()?),
-                config: self.time,
-                values: Vec::new(),
-                ready: None,
-                checked: false,
-                ended: false,
-                unused: Count::default(),
-                // each source reads the whole file; the first reports its damage
-                reports_damage: sources.is_empty(),
-            };
+            let decoder = format.decoder(open(&path)?, &self.options(&target));
+            // each source reads the whole file; the first reports its damage
+            let first = sources.is_empty();
+            let mut stream = Stream::new(&self, target, (format, decoder), path.clone(), first)?;
             stream.start()?;
             sources.push(Box::new(stream));
         }
@@ -69,7 +41,7 @@ impl SourceType for VehicleLog {
 
 impl VehicleLog {
     /// Checks that the format has the clock that the parameters describe.
-    fn check(&self, format: Format) -> Result<(), StreamError> {
+    pub(crate) fn check(&self, format: Format) -> Result<(), StreamError> {
         let (key, message, remedy) = match format {
             Format::Vectornav if self.interval.is_none() => (
                 "interval",
@@ -97,10 +69,27 @@ impl VehicleLog {
         };
         Err(StreamError::scenario(message).at_key(key).with_remedy(remedy))
     }
+
+    /// What the decoder of a sensor's messages has to know.
+    pub(crate) fn options(&self, target: &Target) -> Options {
+        let interval = self.interval.and_then(|i| Span::from_seconds(i.value().si()));
+        Options {
+            topics: [Some(&target.config.message), target.config.with.as_ref()]
+                .into_iter()
+                .flatten()
+                .cloned()
+                .collect(),
+            received: self.stamp == StampUse::Received,
+            week: self.week,
+            interval: interval.map(Span::nanos),
+            unit: self.unit,
+            unchecked: self.checksum == ChecksumUse::Ignore,
+        }
+    }
 }
 
 /// The samples of one sensor.
-struct Stream {
+pub(crate) struct Stream {
     path: PathBuf,
     format: Format,
     decoder: Box<dyn Decoder>,
@@ -122,6 +111,32 @@ struct Stream {
 }
 
 impl Stream {
+    /// The samples of a sensor from the messages of a decoder; `first` is the stream that reports damage.
+    pub(crate) fn new(
+        config: &VehicleLog,
+        target: Target,
+        (format, decoder): (Format, Box<dyn Decoder>),
+        path: PathBuf,
+        first: bool,
+    ) -> Result<Self, StreamError> {
+        Ok(Self {
+            decoder,
+            format,
+            path,
+            join: target.config.with.as_ref().map(|_| Join::default()),
+            fillings: Vec::new(),
+            target,
+            clock: Clock::new(config.time.zero()?),
+            config: config.time,
+            values: Vec::new(),
+            ready: None,
+            checked: false,
+            ended: false,
+            unused: Count::default(),
+            reports_damage: first,
+        })
+    }
+
     /// Reads up to the first sample, so that a file that does not fit is rejected at once.
     fn start(&mut self) -> Result<(), StreamError> {
         self.ready = self.advance()?;

@@ -1,5 +1,5 @@
 //! MAVLink telemetry logs: each message of version 1 or 2 after the time at which it was received,
-//! microseconds since 1970 in big-endian order.
+//! microseconds since 1970 in big-endian order. An autopilot sends the messages without this time.
 
 mod messages;
 
@@ -37,38 +37,42 @@ struct Header {
     total: usize,
 }
 
-/// The parts of the message in a frame whose mark is at [`STAMP`]; `None` if bytes are missing.
-fn header(bytes: &[u8]) -> Option<Header> {
-    let rest = bytes.get(STAMP..)?;
+/// The parts of the message in a frame whose mark is after `stamp` bytes; `None` if bytes are missing.
+fn header(bytes: &[u8], stamp: usize) -> Option<Header> {
+    let rest = bytes.get(stamp..)?;
     let size = usize::from(*rest.get(1)?);
     if rest[0] == MARKS[0] {
         let (system, id) = (*rest.get(3)?, u32::from(*rest.get(5)?));
-        return Some(Header { id, system, payload: 6, size, total: STAMP + 6 + size + 2 });
+        return Some(Header { id, system, payload: 6, size, total: stamp + 6 + size + 2 });
     }
     let id = u32::from_le_bytes([*rest.get(7)?, *rest.get(8)?, *rest.get(9)?, 0]);
     let signature = if rest[2] & SIGNED != 0 { 13 } else { 0 };
-    let total = STAMP + 10 + size + 2 + signature;
+    let total = stamp + 10 + size + 2 + signature;
     Some(Header { id, system: rest[5], payload: 10, size, total })
 }
 
-/// The framing of messages with their time.
+/// The framing of messages, each after a time of so many bytes.
 #[derive(Debug)]
-struct Packets(Dialect);
+struct Packets {
+    dialect: Dialect,
+    stamp: usize,
+}
 
 impl Framing for Packets {
     const MAX: usize = STAMP + 10 + PAYLOAD + 2 + 13;
 
     fn find(&self, bytes: &[u8]) -> Option<usize> {
-        let beyond = bytes.len().saturating_sub(STAMP);
-        let marks = bytes.get(STAMP..).unwrap_or_default();
+        let beyond = bytes.len().saturating_sub(self.stamp);
+        let marks = bytes.get(self.stamp..).unwrap_or_default();
         // the mark of a time at the end may be beyond it
         marks.iter().position(|b| MARKS.contains(b)).or((beyond < bytes.len()).then_some(beyond))
     }
 
     fn judge(&self, bytes: &[u8]) -> Judgement {
-        let Some(h) = header(bytes) else { return Judgement::Incomplete };
-        let Some(extra) = self.0.extra(h.id) else { return Judgement::Rejected(Fault::Form) };
-        let Some(packet) = bytes.get(STAMP..h.total) else { return Judgement::Incomplete };
+        let Some(h) = header(bytes, self.stamp) else { return Judgement::Incomplete };
+        let Some(extra) = self.dialect.extra(h.id) else { return Judgement::Rejected(Fault::Form) };
+        let packet = bytes.get(self.stamp..h.total);
+        let Some(packet) = packet else { return Judgement::Incomplete };
         let (content, rest) = packet.split_at(h.payload + h.size);
         match checksum(&content[1..], extra).to_le_bytes() == rest[..2] {
             true => Judgement::Frame(h.total),
@@ -96,13 +100,26 @@ pub struct Tlog<R> {
     keys: Vec<(u32, u8)>,
     anchors: Vec<Anchor>,
     steps: Count,
+    /// The clock by which messages without a time of their own are received, ns since 1970.
+    now: Option<fn() -> i64>,
 }
 
 impl<R: Read> Tlog<R> {
-    /// The messages of `reader`.
+    /// The messages of a log.
     pub fn new(reader: R, options: Options) -> Self {
+        Self::with(reader, options, None)
+    }
+
+    /// The messages of an autopilot as they arrive, and the clock of this computer.
+    pub fn connected(reader: R, options: Options, now: fn() -> i64) -> Self {
+        Self::with(reader, options, Some(now))
+    }
+
+    fn with(reader: R, options: Options, now: Option<fn() -> i64>) -> Self {
+        let stamp = if now.is_some() { 0 } else { STAMP };
         Self {
-            frames: Frames::new(reader, Packets(Dialect::new())),
+            now,
+            frames: Frames::new(reader, Packets { dialect: Dialect::new(), stamp }),
             options,
             topics: Vec::new(),
             keys: Vec::new(),
@@ -116,7 +133,7 @@ impl<R: Read> Tlog<R> {
         if let Some(known) = self.keys.iter().position(|key| *key == (id, system)) {
             return Some(known);
         }
-        let message = self.frames.framing().0.message(id)?;
+        let message = self.frames.framing().dialect.message(id)?;
         if self.topics.len() >= TOPICS || !self.options.selects(message.name) {
             return None;
         }
@@ -165,15 +182,17 @@ impl<R: Read + Send> Decoder for Tlog<R> {
     fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Record>> {
         loop {
             let Some(frame) = self.frames.next()? else { return Ok(None) };
-            let (offset, Some(h)) = (frame.offset, header(frame.bytes)) else { continue };
+            let stamp = if self.now.is_some() { 0 } else { STAMP };
+            let (offset, Some(h)) = (frame.offset, header(frame.bytes, stamp)) else { continue };
             // a message of version 2 ends before its last zeros, and an old one before newer fields
             let mut payload = [0; PAYLOAD];
-            let from = STAMP + h.payload;
+            let from = stamp + h.payload;
             payload[..h.size].copy_from_slice(&frame.bytes[from..from + h.size]);
             let micros = frame.bytes.first_chunk().map_or(0, |b| u64::from_be_bytes(*b));
-            let received = i64::try_from(micros).ok().and_then(|m| m.checked_mul(1000));
+            let logged = i64::try_from(micros).ok().and_then(|m| m.checked_mul(1000));
+            let received = self.now.map_or(logged, |now| Some(now()));
             let Some(topic) = self.topic(h.id, h.system) else { continue };
-            let Some(message) = self.frames.framing().0.message(h.id) else { continue };
+            let Some(message) = self.frames.framing().dialect.message(h.id) else { continue };
             values.clear();
             let fields = message.fields.iter();
             values.extend(

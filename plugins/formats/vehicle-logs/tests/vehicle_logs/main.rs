@@ -1,6 +1,7 @@
 //! Tests of the readers and of the source.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+mod connected;
 mod damage;
 mod foreign;
 mod generate;

@@ -1,5 +1,6 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
+use crate::connected::WirePlugin;
 use crate::generate::{
     binary_span, dataflash, flight, increments, nucleus, packet, psins, sbet, septentrio, span,
     telemetry_of_flight, ublox, vectornav, vectornav_with_fixes,
@@ -11,19 +12,25 @@ use navfuse_testing::recording::{self, AIDS, INERTIAL, Reading};
 use navfuse_vehicle_logs::VehicleLogsPlugin;
 
 pub fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
+    reading(log, &format!("[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n"))
+}
+
+/// Reads a log by the table of a source.
+pub fn reading(log: &[u8], source: &str) -> Result<Reading, String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("log.bin"), log).unwrap();
-    let filter = match keys.contains("increments") {
+    let filter = match source.contains("increments") {
         true => INERTIAL.replace("[sensor.imu]", "[sensor.imu]\noutput = \"increments\""),
         false => INERTIAL.to_owned(),
     };
-    let text = format!("{filter}{AIDS}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
+    let text = format!("{filter}{AIDS}{source}");
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_depth::DepthPlugin)
+        .add(&WirePlugin)
         .add(&VehicleLogsPlugin);
     let mut reading = recording::read(&registry, folder.path(), &text)?;
     for warning in reading.warnings.iter_mut().flatten() {
