@@ -5,11 +5,13 @@ use crate::innovation::SensorSeries;
 use crate::map::Graticule;
 use crate::run::Run;
 use crate::samples::SampleSeries;
+use crate::scene::{AROUND, DISTANCE, LIVE_VEHICLE, VEHICLE};
 use crate::state::{BlockSeries, Plots, end_of_run};
 use crate::style::{label, title};
 use crate::tab::Tab;
 use crate::track::{Extent, Motion};
 use re_sdk::RecordingStreamResult;
+use re_sdk::blueprint::components::Corner2D;
 use re_sdk::blueprint::{
     ContainerLike, Grid, Horizontal, MapView, Spatial2DView, Spatial3DView, Tabs, TextDocumentView,
     Vertical,
@@ -22,6 +24,10 @@ use re_sdk_types::components::{self, Plane3D};
 /// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
 /// fits into a view of 2 asin(1 / 2.3), 52 degrees.
 const EYE: f32 = 2.3;
+/// Direction of the eye from the middle of the track, and from a vehicle that it follows, of length
+/// one: south and above, so that north is ahead and east to the right.
+const SEEING_ALL: [f32; 3] = [-0.75, -0.25, -0.61];
+const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 /// Background of the views in three dimensions.
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
@@ -108,7 +114,7 @@ impl Layout {
         }
         sensors.extend(self.samples(&run.samples));
         all.extend(group("Sensors", sensors));
-        (self.legend, self.rows) = (true, 3);
+        (self.legend, self.rows, self.corner) = (true, 3, Corner2D::RightTop);
         all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
     }
 
@@ -150,9 +156,12 @@ impl Layout {
             let (leaf, name, range) = match block.components[k].tally.worst {
                 Some((size, _)) => {
                     let size = size.max(4.0);
-                    ("normalised", format!("{name}, error in sigma"), [-size, size])
+                    self.corner = plots.corners.normalised;
+                    let name = format!("{name}, {} in sigma", block.compared);
+                    ("normalised", name, [-size, size])
                 }
                 None => {
+                    self.corner = plots.corners.sigma;
                     let name = format!("{name}, sigma {}", powers(plots.error.unit));
                     ("sigma", name, plots.logarithms)
                 }
@@ -179,24 +188,33 @@ impl Layout {
     fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
         let name = enlarged(name, track, self.ranges);
         // the marks of start and end would cover the vehicle there
-        let contents = ["+ /world/**", "- /world/marks"];
-        let view = self.space(&name, &track.extent, &contents);
-        self.eye_follows(&view, "/world/vehicle/around");
+        let contents =
+            ["+ /world/**", "- /world/marks", "- /world/distances", "- /world/vehicle/here"];
+        let view = self.space(&name, "/world", &track.extent, &contents);
+        let side = track.extent.middle().map(|(_, side)| side).filter(|_| self.ranges);
+        let length = side.map_or(LIVE_VEHICLE, |side| VEHICLE * side);
+        self.eye_follows(&view, "/world/vehicle/around", AROUND * length);
         view
     }
 
-    /// Lets the eye of a view in three dimensions follow an entity, at a distance that follows from
-    /// its size: a tracked eye has a place of its own, and with another position it would not follow.
-    pub(crate) fn eye_follows(&mut self, view: &ContainerLike, entity: &str) {
-        let eye = EyeControls3D::new()
-            .with_tracking_entity(components::EntityPath::from(entity))
-            .with_eye_up([0.0, 0.0, -1.0]);
+    /// Lets the eye of a view in three dimensions follow the points [`crate::scene::around`] of that
+    /// reach. The viewer derives the distance of the eye from the points, if they have arrived with
+    /// the layout, and otherwise from its place: both are the same.
+    pub(crate) fn eye_follows(&mut self, view: &ContainerLike, entity: &str, reach: f32) {
+        let eye = eye([0.0; 3], DISTANCE * reach, FOLLOWING)
+            .with_tracking_entity(components::EntityPath::from(entity));
         self.set(view, "EyeControls3D", eye);
     }
 
     /// The views of all tracks in that box: in three dimensions and on the map.
     pub(crate) fn overviews(&mut self, extent: &Extent) -> [ContainerLike; 2] {
-        let whole = self.space("3-D track", extent, &["+ /world/**"]);
+        let depth = if self.ranges { extent.exaggeration() } else { 1.0 };
+        let name = match depth > 1.0 {
+            true => format!("3-D track, depth x {depth}"),
+            false => "3-D track".to_owned(),
+        };
+        let contents = ["+ /world/**", "- /world/vehicle/**", "+ /world/vehicle/here"];
+        let whole = self.space(&name, "/", extent, &contents);
         let graticule = Graticule::new(extent).filter(|_| self.ranges);
         let title = |g: &Graticule| format!("Map, {}", g.title());
         let name = graticule.as_ref().map_or_else(|| "Map".to_owned(), title);
@@ -204,32 +222,36 @@ impl Layout {
         if let Some(graticule) = graticule {
             self.set(&plane, "MapZoom", MapZoom::new(graticule.zoom()));
         }
-        if let Some((middle, side)) = extent.middle().filter(|_| self.ranges) {
-            let diagonal =
-                (0..3).map(|k| (extent.high[k] - extent.low[k]).powi(2)).sum::<f32>().sqrt();
+        if let Some((mut middle, side)) = extent.middle().filter(|_| self.ranges) {
+            middle[2] *= depth;
+            let length = |k: usize| extent.high[k] - extent.low[k];
+            let sides = [length(0), length(1), depth * length(2)];
+            let diagonal = sides.map(|side| side * side).iter().sum::<f32>().sqrt();
             let radius = 0.5 * diagonal.max(side);
-            self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
+            self.set(&whole, "EyeControls3D", eye(middle, EYE * radius, SEEING_ALL));
         }
         [whole, plane]
     }
 
-    /// A view in three dimensions of those entities, with a grid.
+    /// A view in three dimensions of those entities, with a grid; above `/world` depths are enlarged.
     pub(crate) fn space(
         &mut self,
         name: &str,
+        origin: &str,
         extent: &Extent,
         contents: &[&str],
     ) -> ContainerLike {
-        let view = Spatial3DView::new(name).with_origin("/world");
+        let view = Spatial3DView::new(name).with_origin(origin);
         let view = ContainerLike::from(view.with_contents(contents.iter().copied()));
         if let Some((_, side)) = extent.middle().filter(|_| self.ranges) {
             let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
-            let level = Plane3D::new([0.0, 0.0, 1.0], extent.level());
+            let depth = if origin == "/" { extent.exaggeration() } else { 1.0 };
+            let level = Plane3D::new([0.0, 0.0, 1.0], depth * extent.level());
             let grid = LineGrid3D::new().with_spacing(spacing).with_plane(level);
             self.set(&view, "LineGrid3D", grid);
-            let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
-            self.set(&view, "Background", dark);
         }
+        let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
+        self.set(&view, "Background", dark);
         view
     }
 
@@ -275,15 +297,17 @@ impl Layout {
         let mut all = Vec::new();
         let unit = plots.value.unit;
         let whole = label(name, unit);
+        self.corner = plots.corners.value;
         all.push(self.plot_of(&whole, &value, Some(plots.values[0]), None, pixels));
         match &plots.errors {
             Some([whole, last]) if !block.constant => {
                 let unit = plots.error.unit;
                 let error = [of("error")];
-                let title = label(&format!("{name} error"), unit);
+                let title = label(&format!("{name} {}", block.compared), unit);
+                self.corner = plots.corners.error;
                 all.push(self.plot_of(&title, &error, Some(*whole), None, pixels));
                 self.legend = false;
-                let title = label(&format!("{name} error, end"), unit);
+                let title = label(&format!("{name} {}, end", block.compared), unit);
                 all.push(self.plot_of(&title, &error, Some(*last), end, pixels));
             }
             _ => {
@@ -295,6 +319,7 @@ impl Layout {
         self.legend = legend;
         let title = format!("{name} sigma {}", powers(plots.error.unit));
         let sigma = [of("sigma")];
+        self.corner = plots.corners.sigma;
         all.push(self.plot_of(&title, &sigma, Some(plots.logarithms), None, pixels));
         all
     }
@@ -311,7 +336,7 @@ impl Layout {
         self.rows = count.div_ceil(columns);
         let mut plots = Vec::new();
         if let Some(plot) = &sensor.nis {
-            self.legend = true;
+            (self.legend, self.corner) = (true, plot.corner);
             let contents = [format!("+ {}/**", sensor.nis_path)];
             plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
         }
@@ -319,6 +344,7 @@ impl Layout {
             self.legend = plots.len() < 2;
             match &channel.plot {
                 Some(plot) => {
+                    self.corner = plot.corner;
                     let contents = [format!("+ {}/**", channel.path)];
                     let name = format!("{} {}", sensor.name, plot.name);
                     plots.push(self.plot(&name, &contents, Some(plot.range)));
@@ -355,6 +381,7 @@ impl Layout {
         self.legend = true;
         let mut plots = Vec::new();
         for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
+            self.corner = plot.corner;
             let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
             plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
         }
@@ -396,11 +423,9 @@ fn share_of(lanes: usize) -> f64 {
     ((LANE[0] * lanes as f64 + LANE[1]) / SMALL).clamp(LANES[0], LANES[1])
 }
 
-/// The eye south of a place and above it, so that north is ahead and east to the right.
-fn eye(middle: [f32; 3], distance: f32) -> EyeControls3D {
-    // a direction of length one
-    let offset = [-0.75, -0.25, -0.61];
-    let position: [f32; 3] = std::array::from_fn(|k| middle[k] + distance * offset[k]);
+/// The eye at a distance from a place.
+fn eye(middle: [f32; 3], distance: f32, direction: [f32; 3]) -> EyeControls3D {
+    let position: [f32; 3] = std::array::from_fn(|k| middle[k] + distance * direction[k]);
     EyeControls3D::new()
         .with_position(position)
         .with_look_target(middle)

@@ -45,7 +45,7 @@ pub struct Layout {
     /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
     /// plots.
     pub legend: bool,
-    /// The corner of the legend.
+    /// The corner of the legend: the one that the lines cover least.
     pub corner: Corner2D,
 }
 
@@ -149,6 +149,9 @@ impl Layout {
             let class = ViewBlueprint::update_fields().with_class_identifier(class);
             self.properties.push((view.blueprint_path(), Box::new(class)));
         }
+        // viewers since 0.41 show 30 s around the cursor without it
+        let time = TimeAxis::new().with_view_range(self.range_of_time(None));
+        self.set(&view, "TimeAxis", time);
         view
     }
 

@@ -1,8 +1,9 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
+use crate::nis::{LATEST, Latest};
 use crate::style::{Colour, GATED, REJECTED};
-use navfuse_core::model::chi_square::{gated_moments, outside};
+use navfuse_core::model::chi_square::outside;
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
@@ -10,8 +11,6 @@ use std::collections::VecDeque;
 /// Number of latest samples whose majority is the health of a sensor: a single outlier does not
 /// interrupt the lane.
 const MAJORITY: usize = 9;
-/// Number of latest accepted samples whose NIS is judged together.
-const NIS_WINDOW: usize = 25;
 /// Probability at which a consistent sensor appears as too noisy: once in a million windows.
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
@@ -109,9 +108,7 @@ pub struct Lane {
     /// Set by the first finding about the sensor.
     doubted: bool,
     latest: VecDeque<(Time, Health)>,
-    nis: VecDeque<[f64; 3]>,
-    /// Number of channels and bits of the threshold for which the moments were computed.
-    moments: Option<((usize, u64), [f64; 2])>,
+    nis: Latest,
     rhythm: Rhythm,
     last: Option<Time>,
     /// Time and channels of the last update.
@@ -199,22 +196,10 @@ impl Lane {
 
     /// Judges the NIS of the latest accepted samples against its expectation behind the gate.
     fn consistent(&mut self, innovation: &Judgement) -> Health {
-        let Judgement { channels, nis, threshold } = *innovation;
-        let key = (channels, threshold.to_bits());
-        let [mean, variance] = match self.moments {
-            Some((of, moments)) if of == key => moments,
-            _ => gated_moments(channels, threshold).into(),
-        };
-        self.moments = Some((key, [mean, variance]));
-        if self.nis.len() == NIS_WINDOW {
-            self.nis.pop_front();
-        }
-        self.nis.push_back([nis, mean, variance]);
-        let [sum, mean, variance] =
-            self.nis.iter().fold([0.0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
-        let noisy = self.nis.len() == NIS_WINDOW
-            && sum > NIS_EXCESS * mean
-            && outside(sum, mean, variance, NIS_ALPHA);
+        let latest = self.nis.take(innovation);
+        let noisy = latest.count == LATEST
+            && latest.nis > NIS_EXCESS * latest.mean
+            && outside(latest.nis, latest.mean, latest.variance, NIS_ALPHA);
         if noisy { Health::Noisy } else { Health::Used }
     }
 

@@ -3,10 +3,13 @@
 
 use crate::axis::{self, Scale, short};
 use crate::columns::Series;
+use crate::corner::quietest;
+use crate::health::Judgement;
 use crate::history::{Gaps, History, Row};
+use crate::nis::{LATEST, Latest};
 use crate::quantity::{Here, Quantity, quantity};
 use crate::recording::Recording;
-use crate::style::{AXES, BAND, BOUND, GATED, REJECTED, axis as colour, label, path};
+use crate::style::{AXES, BAND, BOUND, GATED, MARK, REJECTED, axis as colour, label, path};
 use navfuse_core::model::chi_square;
 use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -14,15 +17,18 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
 use re_sdk::EntityPath;
+use re_sdk::blueprint::components::Corner2D;
 use re_sdk_types::components::MarkerShape;
 use std::sync::Arc;
 
-/// Probability outside the band of the NIS.
+/// Probability outside the band of the mean NIS.
 const OUTSIDE: f64 = 0.05;
 /// Bound over the usual one from which on an innovation is that of a wide prior.
 const WIDE: f64 = 3.0;
 /// Place of a mark for an innovation beyond the plot, relative to the edge.
 const EDGE: f64 = 0.97;
+/// Decimal logarithm of the NIS per channel below which it does not count for the range.
+const LEAST_NIS: f64 = -1.0;
 /// Level of a rejected sample without a gate, decimal logarithm of the NIS per channel.
 const REJECTED_LEVEL: f64 = 1.5;
 
@@ -47,6 +53,8 @@ pub struct Plot {
     pub name: String,
     /// Range.
     pub range: [f64; 2],
+    /// Corner of the legend.
+    pub corner: Corner2D,
 }
 
 /// The series of one measuring sensor.
@@ -61,12 +69,15 @@ pub struct SensorSeries {
     pub nis: Option<Plot>,
     /// Names of the channels.
     names: Vec<Arc<str>>,
-    /// Logarithms of NIS, gate and band, per channel.
-    accepted: History<4>,
+    /// Logarithms of NIS and gate, and of the mean NIS of the latest samples with its band, per
+    /// channel.
+    accepted: History<5>,
     gated: History<1>,
     rejected: Vec<(Rejection, History<1>)>,
     level: f64,
-    band: (usize, [f64; 2]),
+    latest: Latest,
+    /// Expectation and variance for which the band was computed.
+    band: ([f64; 2], [f64; 2]),
     gaps: Gaps,
 }
 
@@ -95,7 +106,8 @@ impl SensorSeries {
             gated: History::new(&[0], full),
             rejected: Vec::new(),
             level: REJECTED_LEVEL,
-            band: (0, [f64::NAN; 2]),
+            latest: Latest::default(),
+            band: ([f64::NAN; 2], [f64::NAN; 2]),
             gaps: Gaps::default(),
         })
     }
@@ -151,26 +163,38 @@ impl SensorSeries {
                 series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
             }
         }
-        let logarithm = |x: f64| if x.is_finite() && x > 0.0 { x.log10() } else { f64::NAN };
         // sensors that lose channels have one scale: a NIS of one for each channel is expected
-        let m = update.innovation.len();
-        let n = m as f64;
-        let [nis, threshold] = [update.nis, update.threshold].map(|x| logarithm(x / n));
+        let channels = update.innovation.len();
+        let per_channel = |x: f64| logarithm(x / channels as f64);
+        let [nis, threshold] = [update.nis, update.threshold].map(per_channel);
         if threshold.is_finite() {
             self.level = threshold + 0.25;
         }
         if gated {
             self.gated.push(time, [nis]);
         } else {
-            if self.band.0 != m {
-                let band = chi_square::band(n, 2.0 * n, OUTSIDE);
-                self.band = (m, [band.low, band.high].map(|x| (x / n).log10()));
-            }
-            let [low, high] = self.band.1;
+            let UpdateRecord { nis: sum, threshold: gate, .. } = *update;
+            let judged = Judgement { channels, nis: sum, threshold: gate };
+            let [mean, low, high] = self.mean(&judged);
             break_line(&mut self.gaps, &mut self.accepted, update.time);
-            self.accepted.push(time, [nis, threshold, low, high]);
+            self.accepted.push(time, [nis, threshold, mean, low, high]);
         }
         Ok(())
+    }
+
+    /// The mean NIS of the latest samples and its band, per channel: logarithms.
+    fn mean(&mut self, judged: &Judgement) -> [f64; 3] {
+        let latest = self.latest.take(judged);
+        if latest.count < LATEST {
+            return [f64::NAN; 3];
+        }
+        let expected = [latest.mean, latest.variance];
+        if self.band.0 != expected {
+            let band = chi_square::band(latest.mean, latest.variance, OUTSIDE);
+            self.band = (expected, [band.low, band.high]);
+        }
+        let [low, high] = self.band.1;
+        [latest.nis, low, high].map(|x| logarithm(x / latest.channels as f64))
     }
 
     /// Sends what viewers see during the run.
@@ -197,23 +221,22 @@ impl SensorSeries {
         let mut nis = Series::lines(entity("accepted"), &line);
         let limits = [
             ("gate".to_owned(), GATED, 1.4),
-            ("95 % band".to_owned(), BAND, 1.4),
-            ("95 % band".to_owned(), BAND, 1.4),
+            (format!("mean of {LATEST}"), MARK, 2.2),
+            ("95 % of means".to_owned(), BAND, 1.8),
+            ("95 % of means".to_owned(), BAND, 1.8),
         ];
         let gate = rows.iter().any(|r| r.1[1].is_finite());
         let limits = if gate { &limits[..] } else { &limits[1..] };
         let mut band = Series::lines(entity("limits"), limits);
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         let mut include = |x: f64| range = [range[0].min(x), range[1].max(x)];
-        for (time, [value, gate, low, high]) in &rows {
+        for (time, [value, limits_and_mean @ ..]) in &rows {
             let time = Time::from_nanos(*time);
             nis.push(recording, time, &[*value])?;
-            let all = [*gate, *low, *high];
-            band.push(recording, time, &all[all.len() - limits.len()..])?;
-            // a NIS near zero is no sign of anything: the band is
-            include(value.max(low - 1.5));
-            include(*high);
-            include(*gate);
+            band.push(recording, time, &limits_and_mean[limits_and_mean.len() - limits.len()..])?;
+            // a NIS near zero is no sign of anything: the mean is
+            include(value.max(LEAST_NIS));
+            limits_and_mean.iter().for_each(|x| include(*x));
         }
         let mut all = vec![nis, band];
         let marks = self.gated.rows();
@@ -235,9 +258,16 @@ impl SensorSeries {
             include(self.level);
             all.push(series);
         }
-        self.nis = Some(Plot { name: format!("{} NIS per channel [10^y]", self.name), range });
+        let corner = quietest(&rows, |row| *row, range);
+        let name = format!("{} NIS per channel [10^y]", self.name);
+        self.nis = Some(Plot { name, range, corner });
         all.iter_mut().try_for_each(|series| series.flush(recording))
     }
+}
+
+/// The decimal logarithm of a positive number.
+fn logarithm(x: f64) -> f64 {
+    if x.is_finite() && x > 0.0 { x.log10() } else { f64::NAN }
 }
 
 /// Breaks a line where accepted samples are missing.
@@ -289,7 +319,13 @@ impl Innovations {
                 false => marks.push(recording, time, &[value])?,
             }
         }
-        self.plot = Some(Plot { name, range: [-size, size] });
+        let range = [-size, size];
+        let lines = |row: &[f64; 2]| {
+            let [value, bound] = [row[0] / scale.size, bound(&row[1])];
+            [value, bound, -bound]
+        };
+        let corner = quietest(&accepted, lines, range);
+        self.plot = Some(Plot { name, range, corner });
         [line, bounds, marks, beyond].iter_mut().try_for_each(|series| series.flush(recording))
     }
 

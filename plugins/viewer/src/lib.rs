@@ -14,14 +14,15 @@
 //! | `/world/vehicle/beams/SENSOR` | the beams of a sensor, at their length where its samples give it |
 //! | `/world/bodies/NAME` | position and attitude of a body beside the vehicle; its track in `/world/tracks/NAME`, `/plan/bodies/NAME`, `/map/bodies/NAME` |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
+//! | `/world/distances` | distances north and east at the edges of the grid |
 //! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipsoids` | 3 sigma along the track, enlarged as the titles name it |
-//! | `/map/graticule` | lines of equal latitude and longitude |
+//! | `/map/graticule`, `/map/labels` | lines of equal latitude and longitude; their names and a scale |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
 //! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithm of the error's magnitude and of sigma |
 //! | `/innovation/SENSOR/CHANNEL/accepted` | innovation; beside it `bounds` of 3 sigma and `gated` |
-//! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS per channel; beside it `limits`, `gated`, `rejected` |
+//! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS per channel; beside it `limits` with the mean, `gated`, `rejected` |
 //! | `/samples/SENSOR/CHANNEL` | the samples |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
 //!
@@ -39,6 +40,7 @@ mod blueprint;
 mod bodies;
 pub mod colours;
 mod columns;
+mod corner;
 mod derived;
 mod ellipses;
 mod file;
@@ -48,6 +50,7 @@ mod innovation;
 mod lane;
 mod live;
 mod map;
+mod nis;
 pub mod overlay;
 mod overview;
 mod plan;
@@ -60,6 +63,7 @@ mod scene;
 mod serve;
 mod sink;
 mod state;
+mod strokes;
 pub mod style;
 mod tab;
 mod tally;

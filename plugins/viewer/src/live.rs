@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 /// The version of the viewer that reads these recordings.
 pub(crate) const VERSION: &str = "0.36.3";
+/// A later version, which opens the recordings with their layout.
+pub(crate) const LATER: &str = "0.41.0";
 /// The environment variable with the viewer's program, where that is not `rerun` on the PATH.
 pub(crate) const PROGRAM: &str = "RERUN_BIN";
 /// The port of the page for the browser.

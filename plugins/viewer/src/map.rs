@@ -1,8 +1,9 @@
-//! The map: its zoom, and a graticule, which needs no network.
+//! The map: its zoom, and a graticule with names and a scale, which need no network.
 
-use crate::plan::round;
+use crate::plan::{distance, round};
 use crate::recording::Recording;
-use crate::style::{Colour, path};
+use crate::strokes::{strokes, width};
+use crate::style::{BOUND, Colour, path};
 use crate::track::Extent;
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::GeoLineStrings;
@@ -14,6 +15,11 @@ const MAP_PIXELS: [f64; 2] = [290.0, 500.0];
 /// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
 /// over the 256 pixels of the one tile.
 const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
+/// Length of a minute of latitude, m.
+const MINUTE: f64 = 1852.0;
+/// Height of a letter, and its distance from a line, pixels.
+const LETTER: f64 = 10.0;
+const APART: f64 = 4.0;
 /// Number of meshes over the longer side, about.
 const MESHES: f64 = 5.0;
 /// Least side of the area, minutes: 2 m.
@@ -48,7 +54,7 @@ impl Graticule {
         let [latitude, longitude] = self.lines.map(|[first, last]| (last - first) * self.spacing);
         let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
         let cosine = middle.to_radians().cos().abs();
-        let sides = [1852.0 * latitude, 1852.0 * cosine * longitude];
+        let sides = [MINUTE * latitude, MINUTE * cosine * longitude];
         let scale = |k: usize| MAP_SCALE * cosine * MAP_PIXELS[k] / sides[k].max(1.0);
         scale(0).min(scale(1)).log2().clamp(1.0, 19.0)
     }
@@ -76,7 +82,60 @@ impl Graticule {
         let lines = GeoLineStrings::from_lat_lon(parallels.chain(meridians))
             .with_colors([GRID])
             .with_radii([Radius::new_ui_points(0.5)]);
-        recording.log_static(&path(&["map", "graticule"]), &lines)
+        recording.log_static(&path(&["map", "graticule"]), &lines)?;
+        let labels = GeoLineStrings::from_lat_lon(self.labels())
+            .with_colors([BOUND])
+            .with_radii([Radius::new_ui_points(0.8)]);
+        recording.log_static(&path(&["map", "labels"]), &labels)
+    }
+
+    /// The names of the lines and a scale as strokes, deg: parallels have their names at the west edge,
+    /// meridians at the north edge, and the scale is in the south-east.
+    fn labels(&self) -> Vec<Vec<[f64; 2]>> {
+        let [[south, north], [west, east]] =
+            self.lines.map(|lines| lines.map(|line| line * self.spacing));
+        let cosine = (0.5 * (south + north) / 60.0).to_radians().cos().abs().max(1e-3);
+        // minutes of latitude in a pixel at the zoom, and of longitude
+        let pixel = MAP_SCALE * cosine / self.zoom().exp2() / MINUTE;
+        let pixels = [pixel, pixel / cosine];
+        let write = |text: &str, latitude: f64, longitude: f64| {
+            let place = |[x, y]: [f64; 2]| {
+                [(latitude + y * pixels[0]) / 60.0, (longitude + x * pixels[1]) / 60.0]
+            };
+            let all = strokes(text, LETTER).into_iter();
+            all.map(|stroke| stroke.into_iter().map(place).collect()).collect::<Vec<_>>()
+        };
+        let decimals = (-self.spacing.log10().floor()).max(0.0) as usize;
+        let names = |k: usize| {
+            let [first, last] = self.lines[k];
+            let signs = [['N', 'S'], ['E', 'W']][k];
+            (0..=(last - first) as usize).map(move |n| {
+                let line = (first + n as f64) * self.spacing;
+                (line, angle(line, signs, decimals))
+            })
+        };
+        let mut labels = Vec::new();
+        for (line, name) in names(0).filter(|(line, _)| *line < north) {
+            labels.extend(write(&name, line + APART * pixels[0], west + APART * pixels[1]));
+        }
+        // names that need more than a mesh leave out every second one, and so on
+        let wide = width("00°00.0'W", LETTER) + 2.0 * APART;
+        let every = (wide * pixels[1] / self.spacing).ceil().max(1.0) as usize;
+        for (line, name) in names(1).filter(|(line, _)| *line < east).step_by(every) {
+            let below = north - (APART + LETTER) * pixels[0];
+            labels.extend(write(&name, below, line + APART * pixels[1]));
+        }
+        // half of the next round length fits into half of the width
+        let metres = MINUTE * cosine * (east - west);
+        let length = 0.5 * round(0.3 * metres);
+        let (name, side) = (distance(length as f32, length as f32), length / MINUTE / cosine);
+        let (at, end) = (south + 2.0 * APART * pixels[0], east - 2.0 * APART * pixels[1]);
+        let tick = at + APART * pixels[0];
+        let bar = [[tick, end - side], [at, end - side], [at, end], [tick, end]];
+        labels.push(bar.map(|place| place.map(|minutes| minutes / 60.0)).to_vec());
+        let start = end - width(&name.replace(' ', ""), LETTER) * pixels[1];
+        labels.extend(write(&name.replace(' ', ""), tick + APART * pixels[0], start));
+        labels
     }
 }
 
@@ -119,6 +178,21 @@ mod tests {
         assert_eq!(title.as_deref(), Some("lines every 0.5' from 43°06.0'N 5°22.5'W"));
         assert_eq!(graticule.map(|g| g.lines), Some([[5172.0, 5175.0], [-645.0, -642.0]]));
         assert!(Graticule::new(&Extent::NONE).is_none());
+    }
+
+    /// Between 43 deg 6' and 7.5' N are three lines with names, and a scale.
+    #[test]
+    fn names_and_scale_are_inside_the_graticule() {
+        let graticule = Graticule::new(&extent([[43.104, -5.3733], [43.121, -5.3563]]));
+        let labels = graticule.map(|g| g.labels()).unwrap_or_default();
+        let points = || labels.iter().flatten();
+        let inside = |[lat, lon]: &[f64; 2]| {
+            (43.1 - 1e-9..=43.125 + 1e-9).contains(lat)
+                && (-5.375 - 1e-9..=-5.35 + 1e-9).contains(lon)
+        };
+        assert!(points().all(inside), "{labels:?}");
+        // 9 letters with a stroke at least, three times, and the scale
+        assert!(labels.len() > 28, "{}", labels.len());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::axis::short;
 use crate::blueprint::Layout;
 use crate::map::Graticule;
 use crate::recording::Recording;
-use crate::scene::{VEHICLE, around, hull};
+use crate::scene::{VEHICLE, around, exaggerate, hull};
 use crate::style::{Colour, path};
 use crate::track::{Extent, Place};
 use navfuse_core::model::stream::StreamError;
@@ -26,7 +26,7 @@ const WIDER: f32 = 0.6;
 const LEAST: f32 = 1e-3;
 /// Reach of the cube that the eye sees around the first vehicle, in lengths, which are twice the mean
 /// distance of the others.
-const AROUND: f32 = 0.55;
+const AROUND: f32 = 1.0;
 
 /// The track of one run.
 #[derive(Clone, Debug)]
@@ -77,6 +77,7 @@ pub fn draw(recording: &Recording, tracks: &[Overlaid]) -> Result<(), StreamErro
     recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())?;
     draw_legend(recording, tracks)?;
     let extent = extent(tracks);
+    exaggerate(recording, &extent)?;
     if let Some(graticule) = Graticule::new(&extent) {
         graticule.draw(recording)?;
     }
@@ -203,9 +204,9 @@ impl Layout {
         let (_, side) = extent.middle()?;
         let name = format!("Vehicles of all runs, {} m long", short(length(tracks, side).into()));
         // the names are at the vehicles
-        let view = self.space(&name, &extent, &["+ /world/**", "- /world/legend"]);
+        let view = self.space(&name, "/world", &extent, &["+ /world/**", "- /world/legend"]);
         let entity = path(&["world", &first.entity(k), "vehicle", "around"]);
-        self.eye_follows(&view, &entity.to_string());
+        self.eye_follows(&view, &entity.to_string(), AROUND * length(tracks, side));
         Some(view)
     }
 }

@@ -7,7 +7,8 @@ use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
 use navfuse_core::model::record::answers::{Answers, Truth};
-use navfuse_core::model::record::verdict::Verdict;
+use navfuse_core::model::record::finding::Severity;
+use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
@@ -29,6 +30,12 @@ const MORE_OFTEN: f64 = 2.0;
 /// Share of epochs outside 3 sigma up to which an error agrees with its sigma; a correlated error
 /// of the right size is outside for 0.3 % of the time on the average, and for more in some runs.
 const OUTSIDE: f64 = 0.03;
+/// Share of states that leave 3 sigma for more than [`OUTSIDE`] of the time by chance, at most. An error
+/// with `n` independent stretches does so if one of 33 or fewer is outside: `33 * 0.0027`.
+const BY_CHANCE: f64 = 0.09;
+/// Size of an error, in sigma, that chance does not make in a hundred states with a hundred
+/// independent stretches each: `1e4 * 5.7e-7`.
+const NEVER: f64 = 5.0;
 
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
@@ -53,7 +60,7 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
 pub fn page(run: &Run, verdict: Option<&Verdict>) -> String {
     let mut page = String::new();
     let name = if run.smoothed { format!("{}, smoothed", run.name) } else { run.name.clone() };
-    let errors = Errors::of(&run.blocks);
+    let errors = Errors::of(&run.blocks, run.simulated);
     match verdict {
         Some(verdict) => write_verdict(&mut page, &name, verdict, &errors),
         None => page += &format!("# {name}\n\nThe run has no verdict yet.\n"),
@@ -75,7 +82,7 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
     let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
     // the verdict and the errors are one judgement
     let sigma = match sigma {
-        Truth::True if errors.wrong > 0 => "too small at times",
+        Truth::True | Truth::TooLarge if errors.contradict() => "too small at times",
         sigma => sigma.words(),
     };
     let usable = usable.words();
@@ -100,12 +107,16 @@ fn write_bad(
     verdict: Option<&Verdict>,
 ) {
     page.push_str("\n**Which sensor was bad, and when?** ");
+    // a finding has a time, and with it the lane; a statistic of the whole run has none
     let accused = |lane: &SensorLane| {
-        let named = verdict?.reasons.iter().any(|reason| lane.is_meant_by(&reason.about));
-        named.then(|| format!("**{}**, over the run: see the verdict", lane.name))
+        let named = verdict?.reasons.iter().any(|reason| {
+            let doubts = reason.severity > Severity::Contained;
+            doubts && reason.criterion != Criterion::Finding && lane.is_meant_by(&reason.about)
+        });
+        named.then(|| format!("**{}**, over the run (see the verdict){}", lane.name, turns(lane)))
     };
     let found: Vec<_> =
-        lanes.iter().map(|lane| (lane, bad(lane).or_else(|| accused(lane)))).collect();
+        lanes.iter().map(|lane| (lane, accused(lane).or_else(|| bad(lane)))).collect();
     if found.iter().all(|(_, bad)| bad.is_none()) {
         page.push_str("None was gated, rejected or doubted for longer than a second.");
     }
@@ -146,14 +157,15 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
 fn bad(lane: &SensorLane) -> Option<String> {
     let bad = |s: &&Stretch| !matches!(s.health, Health::Used | Health::Silent);
     let length: f64 = lane.lane.stretches.iter().filter(bad).map(|s| s.to.since(s.from)).sum();
-    (length >= SHORTEST).then(|| {
-        let turns = if is_bad_in_turns(lane) {
-            ", mostly in turns: look at its lever arm, mounting angles and clock"
-        } else {
-            ""
-        };
-        format!("**{}**, for {length:.0} s{turns}", lane.name)
-    })
+    (length >= SHORTEST).then(|| format!("**{}**, for {length:.0} s{}", lane.name, turns(lane)))
+}
+
+/// The words for a sensor that is bad in turns.
+fn turns(lane: &SensorLane) -> &'static str {
+    match is_bad_in_turns(lane) {
+        true => ", mostly in turns: look at its lever arm, mounting angles and clock",
+        false => "",
+    }
 }
 
 /// Set where the gate rejects samples in turns above all.
@@ -235,8 +247,10 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     }
 }
 
-/// The errors of all components whose truth is known.
+/// The errors of all components whose truth is known, or the differences from a recorded reference.
 struct Errors {
+    /// Set where the truth is known: a recorded reference has errors of its own.
+    simulated: bool,
     /// Block and component with the largest error in sigma and its time, the largest first.
     largest: Vec<(usize, usize, (f64, Time))>,
     /// Number of components that were outside 3 sigma for longer than [`OUTSIDE`] of the time.
@@ -244,7 +258,7 @@ struct Errors {
 }
 
 impl Errors {
-    fn of(blocks: &[BlockSeries]) -> Self {
+    fn of(blocks: &[BlockSeries], simulated: bool) -> Self {
         let all = || {
             let components = blocks.iter().enumerate();
             components.flat_map(|(b, block)| (0..block.components.len()).map(move |k| (b, k)))
@@ -258,39 +272,54 @@ impl Errors {
             tally.outside as f64 / tally.compared.max(1) as f64 > OUTSIDE
         };
         let wrong = largest.iter().filter(share).count();
-        Self { largest, wrong }
+        Self { simulated, largest, wrong }
+    }
+
+    /// Returns `true` where the errors contradict the sigma: one is larger than chance makes it, or
+    /// more states leave their sigma than chance lets, by three standard deviations.
+    fn contradict(&self) -> bool {
+        let expected = BY_CHANCE * self.largest.len() as f64;
+        let most = expected + 3.0 * (expected * (1.0 - BY_CHANCE)).sqrt();
+        let far = self.largest.first().is_some_and(|largest| largest.2.0 > NEVER);
+        self.simulated && self.wrong > 0 && (far || self.wrong as f64 > most)
     }
 
     fn answer(&self, page: &mut String, verdict: Option<&Verdict>) {
         page.push_str("\n**Is the sigma to be believed?** ");
-        if self.largest.is_empty() {
-            page.push_str(
-                "Not known: there is no truth. The NIS below and the verdict are the evidence.\n",
-            );
-            return;
-        }
         // the verdict and the errors are one judgement: either may contradict the sigma
+        let by = if self.simulated && !self.largest.is_empty() { "" } else { ", by the NIS" };
         let answer = match verdict.map_or(Truth::True, |verdict| verdict.answers().sigma) {
-            _ if self.wrong > 0 => "No",
-            Truth::True => "Yes",
-            Truth::TooLarge => "Yes, it is too large",
-            Truth::TooSmall => "No, by the verdict",
+            _ if self.contradict() => "No".to_owned(),
+            Truth::True => format!("Yes{by}"),
+            Truth::TooLarge => format!("Yes, the errors are smaller{by}"),
+            Truth::TooSmall => "No, by the NIS".to_owned(),
         };
-        let _ = writeln!(
-            page,
-            "{answer}: {} of {} states were outside 3 sigma for more than {:.0} % of the time.",
-            self.wrong,
-            self.largest.len(),
-            100.0 * OUTSIDE
-        );
+        let (wrong, all, share) = (self.wrong, self.largest.len(), 100.0 * OUTSIDE);
+        let chance = if wrong > 0 && !self.contradict() { ", as chance makes them" } else { "" };
+        let _ = match (all, self.simulated) {
+            (0, _) => writeln!(page, "{answer}: there is no truth."),
+            (_, true) => writeln!(
+                page,
+                "{answer}: {wrong} of {all} states were outside 3 sigma for more than {share:.0} % of \
+                 the time{chance}."
+            ),
+            (_, false) => writeln!(
+                page,
+                "{answer}. {wrong} of {all} states were more than 3 sigma \
+                 from the recorded reference for more than {share:.0} % of the time; the reference \
+                 has errors of its own."
+            ),
+        };
     }
 
     fn table(&self, page: &mut String, blocks: &[BlockSeries]) {
         if self.largest.is_empty() {
             return;
         }
-        page.push_str(
-            "\n| state | error at the end | 1 sigma | largest, in sigma | at | left 3 sigma at |\n",
+        let error = if self.simulated { "error at the end" } else { "minus reference, end" };
+        let _ = writeln!(
+            page,
+            "\n| state | {error} | 1 sigma | largest, in sigma | at | left 3 sigma at |"
         );
         page.push_str("|---|--:|--:|--:|--:|--:|\n");
         for (b, k, (size, at)) in self.largest.iter().take(STATES) {
@@ -315,22 +344,42 @@ impl Errors {
 
 #[cfg(test)]
 mod tests {
-    use super::{Errors, bad, write_verdict};
+    use super::{Errors, bad, write_bad, write_verdict};
     use crate::health::{Health, Stretch};
     use crate::lane::SensorLane;
-    use navfuse_core::model::record::verdict::Verdict;
+    use navfuse_core::model::record::finding::Severity;
+    use navfuse_core::model::record::verdict::{Criterion, Reason, Verdict};
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
     use navfuse_core::units::time::Time;
 
-    /// A sigma that errors contradict is not true, although no innovation does.
+    fn info(name: &str) -> SensorInfo {
+        SensorInfo {
+            name: name.into(),
+            kind: name.into(),
+            channels: Vec::new(),
+            purpose: Purpose::Measurement,
+            mounting: Default::default(),
+        }
+    }
+
+    fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
+        let largest = vec![(0, 0, (largest, Time::from_nanos(0))); states];
+        Errors { simulated, largest, wrong }
+    }
+
+    /// A sigma that errors contradict is not true, although no innovation does. Of 49 states, 2
+    /// leave 3 sigma by chance; a recorded reference is no truth.
     #[test]
     fn the_verdict_and_the_errors_are_one_judgement_of_the_sigma() {
         let verdict = Verdict::new(Vec::new(), Vec::new());
-        for (wrong, words, answer) in
-            [(0, "sigma: **true**", "Yes"), (2, "sigma: **too small at times**", "No: 2 of 1")]
-        {
-            let largest = vec![(0, 0, (5.0, Time::from_nanos(0)))];
-            let (errors, mut page) = (Errors { largest, wrong }, String::new());
+        for (errors, words, answer) in [
+            (errors(true, 49, 3.2, 0), "sigma: **true**", "Yes: 0 of 49"),
+            (errors(true, 49, 4.1, 2), "sigma: **true**", "Yes: 2 of 49"),
+            (errors(true, 49, 5.1, 2), "sigma: **too small at times**", "No: 2 of 49"),
+            (errors(true, 49, 4.1, 11), "sigma: **too small at times**", "No: 11 of 49"),
+            (errors(false, 9, 88.0, 6), "sigma: **true**", "Yes, by the NIS. 6 of 9"),
+        ] {
+            let mut page = String::new();
             write_verdict(&mut page, "dive", &verdict, &errors);
             assert!(page.contains(words), "{page}");
             errors.answer(&mut page, Some(&verdict));
@@ -338,17 +387,32 @@ mod tests {
         }
     }
 
+    /// A note about a stated noise accuses nobody; a doubt about the whole run has no times.
+    #[test]
+    fn a_sensor_is_bad_where_a_reason_doubts_it() {
+        let reason = |severity| Reason {
+            criterion: Criterion::Nis,
+            severity,
+            about: "gnss".into(),
+            text: String::new(),
+            remedy: String::new(),
+        };
+        let lanes: Vec<_> = SensorLane::new(&info("gnss")).into_iter().collect();
+        for (severity, answer) in [
+            (Severity::Note, "None was gated"),
+            (Severity::Doubtful, "\n\n- **gnss**, over the run (see the verdict)\n"),
+        ] {
+            let verdict = Verdict::new(vec![reason(severity)], Vec::new());
+            let mut page = String::new();
+            write_bad(&mut page, &lanes, &[], Some(&verdict));
+            assert!(page.contains(&format!("when?** {answer}")), "{page}");
+        }
+    }
+
     #[test]
     fn a_sensor_is_bad_in_turns_where_the_gate_rejects_more_there_than_elsewhere() {
-        let info = SensorInfo {
-            name: "dvl".into(),
-            kind: "dvl".into(),
-            channels: Vec::new(),
-            purpose: Purpose::Measurement,
-            mounting: Default::default(),
-        };
         let lane = |in_turns: [u64; 2]| {
-            let mut lane = SensorLane::new(&info)?;
+            let mut lane = SensorLane::new(&info("dvl"))?;
             let [from, to] = [10, 16].map(|s| Time::from_nanos(s * 1_000_000_000));
             lane.lane.stretches.push(Stretch { health: Health::Gated, from, to });
             (lane.outcomes.accepted, lane.outcomes.gated) = (900, 100);

@@ -37,11 +37,11 @@ impl Plan {
         let side = (0..2).map(|k| extent.high[k] - extent.low[k]).fold(1.0, f32::max);
         let spacing = round(f64::from(side) / LINES) as f32;
         let [east, south] = point(middle);
-        // the view is wider than high; the margin has room for labels
+        // the margin has room for labels, and in the west for those of the distances north
         let half = [0.5 * (extent.high[1] - extent.low[1]), 0.5 * (extent.high[0] - extent.low[0])];
         let half = half.map(|h| h.max(0.3 * side) + 0.16 * side);
         Some(Self {
-            low: [east - half[0], south - half[1]],
+            low: [east - half[0] - 0.14 * side, south - half[1]],
             high: [east + half[0], south + half[1]],
             spacing,
         })
@@ -54,12 +54,14 @@ impl Plan {
         VisualBounds2D::new(re_sdk_types::blueprint::components::VisualBounds2D(range))
     }
 
-    /// Draws grid, tracks and marks; places have a horizontal sigma.
+    /// Draws grid, tracks and marks, with the name of the last place; places have a
+    /// horizontal sigma.
     pub fn draw(
         &self,
         recording: &Recording,
         estimate: &[Place],
         truth: &[Place],
+        last_place: &str,
     ) -> Result<(), StreamError> {
         self.draw_grid(recording)?;
         if truth.len() > 1 {
@@ -78,7 +80,7 @@ impl Plan {
         recording.log_static(&path(&["plan", "estimate"]), &line)?;
         let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
         let marks = Points2D::new([point(first.ned), point(last.ned)])
-            .with_labels(["start", "end"])
+            .with_labels(["start", last_place])
             .with_colors([MARK])
             .with_radii([Radius::new_ui_points(6.0)])
             .with_show_labels(true)
@@ -100,13 +102,13 @@ impl Plan {
             .with_radii([Radius::new_ui_points(0.5)])
             .with_draw_order(DrawOrder::from(0.0));
         recording.log_static(&path(&["plan", "grid"]), &grid)?;
-        let (unit, size) = if self.spacing >= 1000.0 { ("km", 1000.0) } else { ("m", 1.0) };
-        // adding zero makes a negative zero positive
-        let number = |x: f32| format!("{} {unit}", (1000.0 * x / size).round() / 1000.0 + 0.0);
+        let number = |x: f32| distance(x, self.spacing);
         // inside of the edges, which would cut the labels
         let inside = [0, 1].map(|k| 0.07 * (self.high[k] - self.low[k]));
         let [left, bottom] = [self.low[0] + inside[0], self.high[1] - inside[1]];
-        let east = lines(0).filter(|x| *x > left).map(|x| ([x, bottom], number(x)));
+        let right = self.high[0] - 0.7 * inside[0];
+        let east = lines(0).filter(|x| *x > left && *x < right);
+        let east = east.map(|x| ([x, bottom], number(x)));
         let north = lines(1).filter(|y| *y < bottom).map(|y| ([left, y], number(-y)));
         let (places, labels): (Vec<Point>, Vec<String>) = east.chain(north).unzip();
         let ticks = Points2D::new(places)
@@ -131,7 +133,7 @@ impl Plan {
         let width = self.high[0] - self.low[0];
         let height = self.high[1] - self.low[1];
         let places = (0..3)
-            .map(|k| [self.low[0] + (0.2 + 0.22 * k as f32) * width, self.low[1] + 0.04 * height]);
+            .map(|k| [self.low[0] + (0.28 + 0.21 * k as f32) * width, self.low[1] + 0.04 * height]);
         let legend = scale.legend();
         let number = |x: f64| {
             if x >= 1000.0 { format!("{:.1} km", x / 1000.0) } else { format!("{x:.2} m") }
@@ -148,6 +150,13 @@ impl Plan {
             .with_show_labels(true);
         recording.log_static(&path(&["plan", "legend"]), &points)
     }
+}
+
+/// A distance as a label of a grid with that spacing: `500 m`, `20 km`.
+pub fn distance(x: f32, spacing: f32) -> String {
+    let (unit, size) = if spacing >= 1000.0 { ("km", 1000.0) } else { ("m", 1.0) };
+    // adding zero makes a negative zero positive
+    format!("{} {unit}", (1000.0 * x / size).round() / 1000.0 + 0.0)
 }
 
 /// The next 1, 2 or 5 times a power of ten.

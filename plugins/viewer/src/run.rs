@@ -20,6 +20,8 @@ pub struct Run {
     pub lanes: Vec<SensorLane>,
     /// The track, where there is a position.
     pub track: Option<Motion>,
+    /// Set where every source simulates its samples: otherwise the truth is a recorded reference.
+    pub simulated: bool,
     /// Set for a run that is smoothed.
     pub smoothed: bool,
     /// The component with the largest error in sigma, once the run is over.

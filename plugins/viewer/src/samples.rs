@@ -1,6 +1,7 @@
 //! The samples of the sensors over time, in the units of a navigator.
 
 use crate::columns::Series;
+use crate::corner::quietest;
 use crate::history::{Gaps, History};
 use crate::innovation::Plot;
 use crate::quantity::{Here, Quantity, quantity};
@@ -65,11 +66,12 @@ impl SampleSeries {
             let name = label(&quantity.name, unit);
             let mut series = Series::lines(entity.clone(), &[(name, colour(k), 1.2)]);
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-            for (time, [value]) in rows {
-                series.push(recording, Time::from_nanos(time), &[value])?;
-                range = [range[0].min(value), range[1].max(value)];
+            for (time, [value]) in &rows {
+                series.push(recording, Time::from_nanos(*time), &[*value])?;
+                range = [range[0].min(*value), range[1].max(*value)];
             }
             series.flush(recording)?;
+            let corner = quietest(&rows, |row| *row, range);
             let name = label(&format!("{} samples", self.name), unit);
             let group = self.plots.iter_mut().find(|p| p.1.name == name);
             match group.filter(|_| !quantity.is_place()) {
@@ -82,7 +84,7 @@ impl SampleSeries {
                         true => label(&format!("{} {} from start", self.name, quantity.name), unit),
                         false => name,
                     };
-                    self.plots.push((vec![entity.clone()], Plot { name, range }));
+                    self.plots.push((vec![entity.clone()], Plot { name, range, corner }));
                 }
             }
         }

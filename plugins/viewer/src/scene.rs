@@ -8,7 +8,7 @@ use crate::plan::{self, Plan};
 use crate::recording::Recording;
 use crate::rig;
 use crate::style::{AXES, BOUND, Colour, FILTERED, MARK, TRUTH, path};
-use crate::track::{Motion, Place, Pose};
+use crate::track::{Extent, Motion, Place, Pose};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{
     Arrows3D, Ellipsoids3D, GeoLineStrings, GeoPoints, LineStrips3D, Mesh3D, Points2D, Points3D,
@@ -19,33 +19,51 @@ use re_sdk_types::datatypes::Quaternion;
 
 /// Length of the vehicle, as a share of the longest side of the track.
 pub const VEHICLE: f32 = 0.09;
+/// Length of the vehicle while viewers watch, m: an eye keeps the distance that it had at the begin.
+pub const LIVE_VEHICLE: f32 = 10.0;
 /// Reach of the cube around the vehicle that an eye sees that follows it, in lengths. The eye sees
-/// about twice as much, and with it the farthest sensor, at 0.7.
-const AROUND: f32 = 0.42;
+/// 1.4 times as much, and with it the farthest sensor, at 0.7.
+pub const AROUND: f32 = 0.78;
+/// Distance at which a viewer puts an eye that tracks [`around`], in reaches: 1.5 radii of the sphere
+/// around the cube of two standard deviations of its seven points.
+pub const DISTANCE: f32 = 1.5 * 1.732 * 1.069;
 
 /// Records the directions of the axes: x forward (north), y right (east), z down.
 pub fn start(recording: &Recording) -> Result<(), StreamError> {
     recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())
 }
 
-/// Draws the tracks so far, which replace those drawn before, and the vehicle where it is now.
-pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
+/// Enlarges the depths in the view of the whole track, whose origin is above `/world`: the views that
+/// follow a vehicle have their origin there, and are not enlarged.
+pub fn exaggerate(recording: &Recording, extent: &Extent) -> Result<(), StreamError> {
+    let scale = Transform3D::from_scale([1.0, 1.0, extent.exaggeration()]);
+    recording.log_static(&path(&["world"]), &scale)
+}
+
+/// Draws the tracks so far, which replace those drawn before, and the vehicle where it is now; `over`
+/// where the run has ended.
+pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), StreamError> {
     let Some((_, side)) = track.extent.middle() else { return Ok(()) };
+    let (length, last) = if over { (VEHICLE * side, "end") } else { (LIVE_VEHICLE, "now") };
     let estimate: Vec<Place> = track.estimate.iter().collect();
     let truth: Vec<Place> = track.truth.iter().collect();
     draw_line(recording, "truth", &truth, TRUTH)?;
     draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED)?;
-    draw_estimate(recording, &estimate, track.extent.level())?;
+    draw_estimate(recording, &estimate, track.extent.level(), last)?;
     if let Some(plan) = Plan::new(&track.extent) {
-        plan.draw(recording, &estimate, &truth)?;
+        plan.draw(recording, &estimate, &truth, last)?;
     }
     if let Some(graticule) = Graticule::new(&track.extent) {
         graticule.draw(recording)?;
     }
+    if over {
+        exaggerate(recording, &track.extent)?;
+        draw_distances(recording, &track.extent)?;
+    }
     ellipses::draw(recording, track)?;
-    let ship = hull(VEHICLE * side, HULL);
+    let ship = hull(length, HULL);
     track.bodies.iter().try_for_each(|body| body.draw(recording, &ship))?;
-    draw_vehicle(recording, track, VEHICLE * side)
+    draw_vehicle(recording, track, length)
 }
 
 /// Sends the last pose to the viewers that watch.
@@ -90,7 +108,12 @@ fn draw_line(
     recording.log_static(&path(&["map", name]), &line)
 }
 
-fn draw_estimate(recording: &Recording, estimate: &[Place], level: f32) -> Result<(), StreamError> {
+fn draw_estimate(
+    recording: &Recording,
+    estimate: &[Place],
+    level: f32,
+    last_place: &str,
+) -> Result<(), StreamError> {
     let scale = ColourScale::over(estimate.iter().map(|p| p.sigma));
     let thick = Radius::new_ui_points(1.7);
     let pieces = scale.pieces(estimate.iter().map(|p| (p.ned, p.sigma)));
@@ -110,13 +133,36 @@ fn draw_estimate(recording: &Recording, estimate: &[Place], level: f32) -> Resul
     let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
     let size = Radius::new_ui_points(5.0);
     let marks = Points3D::new([first.ned, last.ned])
-        .with_labels(["start", "end"])
+        .with_labels(["start", last_place])
         .with_colors([MARK])
         .with_radii([size]);
     recording.log_static(&path(&["world", "marks"]), &marks)?;
     let marks =
         GeoPoints::from_lat_lon([first.geo, last.geo]).with_colors([MARK]).with_radii([size]);
     recording.log_static(&path(&["map", "marks"]), &marks)
+}
+
+/// Distances north and east of the start, at two edges of the grid.
+fn draw_distances(recording: &Recording, extent: &Extent) -> Result<(), StreamError> {
+    let Some((_, side)) = extent.middle() else { return Ok(()) };
+    let spacing = plan::round(f64::from(side) / 5.0) as f32;
+    let places = |k: usize| {
+        let [first, last] = [extent.low[k], extent.high[k]].map(|x| (x / spacing).round() as i64);
+        (first..=last).map(move |n| n as f32 * spacing)
+    };
+    let [south, west] = [0, 1].map(|k| extent.low[k] - 0.12 * side);
+    let north = places(0).map(|x| ([x, west], x));
+    let east = places(1).map(|x| ([south, x], x));
+    let (places, labels): (Vec<_>, Vec<_>) = north
+        .chain(east)
+        .map(|([north, east], x)| ([north, east, extent.level()], plan::distance(x, spacing)))
+        .unzip();
+    let labels = Points3D::new(places)
+        .with_labels(labels)
+        .with_colors([BOUND])
+        .with_radii([Radius::new_ui_points(1.0)])
+        .with_show_labels(true);
+    recording.log_static(&path(&["world", "distances"]), &labels)
 }
 
 /// The vehicle: a hull, axes, and the sensors at their lever arms.
@@ -131,13 +177,20 @@ fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<()
         .with_radii([Radius::new_ui_points(1.6)]);
     recording.log_static(&body("axes"), &axes)?;
     recording.log_static(&body("around"), &around(AROUND * length))?;
+    // where the whole track is in view, a mark stands for the vehicle and its sensors
+    let here = Points3D::new([[0.0; 3]]).with_colors([AXES[0]]);
+    let here = here.with_radii([Radius::new_ui_points(6.0)]);
+    recording.log_static(&body("here"), &here)?;
     rig::draw(recording, &track.mounts, length)
 }
 
-/// Two points without size or colour, at that distance from the middle along every axis: an eye that
-/// tracks them keeps the distance that shows the cube between them.
+/// Points without size or colour, two of them at that distance from the middle along every axis: an
+/// eye that tracks them keeps the distance that shows the cube between them.
+///
+/// Viewers since 0.41 take twice the standard deviation of the points for their reach. Beside five
+/// points in the middle, two points have a deviation of `sqrt(2/7)`, 0.53 of their distance.
 pub fn around(reach: f32) -> Points3D {
-    Points3D::new([[-reach; 3], [reach; 3]])
+    Points3D::new([-reach, 0.0, 0.0, 0.0, 0.0, 0.0, reach].map(|place| [place; 3]))
         .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])
         .with_radii([Radius::new_ui_points(0.0)])
 }

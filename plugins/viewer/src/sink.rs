@@ -93,7 +93,7 @@ impl RerunSink {
             let mut lanes = run.lanes.iter().enumerate();
             lanes.try_for_each(|(k, lane)| lane.show(&self.recording, k, now))?;
             if let Some(track) = &run.track {
-                scene::draw(&self.recording, track)?;
+                scene::draw(&self.recording, track, false)?;
                 scene::follow(&self.recording, track)?;
             }
             run.write_overview(&self.recording, self.verdict.as_ref())?;
@@ -174,11 +174,12 @@ impl Run {
     fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
         let mut run = Self {
             name: info.name.clone(),
-            blocks: state::blocks(&info.layout, full),
+            blocks: state::blocks(&info.layout, info.simulated, full),
             sensors: Vec::new(),
             samples: Vec::new(),
             lanes: Vec::new(),
             track: Motion::new(&info.layout, full),
+            simulated: info.simulated,
             smoothed: info.smoothed,
             worst: None,
             span: None,
@@ -240,7 +241,7 @@ impl Run {
         self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
         match &self.track {
             Some(track) => {
-                scene::draw(recording, track)?;
+                scene::draw(recording, track, true)?;
                 scene::finish(recording, track)
             }
             None => Ok(()),

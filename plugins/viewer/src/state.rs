@@ -2,6 +2,7 @@
 
 use crate::axis::{self, Scale};
 use crate::columns::Series;
+use crate::corner::quietest;
 use crate::history::{History, Row};
 use crate::recording::Recording;
 use crate::style::{BOUND, FILTERED, MAGNITUDE, TRUTH, axis as colour, label, path};
@@ -11,6 +12,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::manifold::{MAX_TANGENT, Manifold, Position, Reading};
 use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::time::Time;
+use re_sdk::blueprint::components::Corner2D;
 use std::any::TypeId;
 
 /// Share of the run at its end that has plots of its own.
@@ -49,6 +51,20 @@ pub struct Plots {
     pub errors: Option<[[f64; 2]; 2]>,
     /// Range of the decimal logarithm of sigma and error.
     pub logarithms: [f64; 2],
+    /// The corners of the legends.
+    pub corners: Corners,
+}
+
+/// The corners of the legends of a component.
+pub struct Corners {
+    /// In the plot of the estimate.
+    pub value: Corner2D,
+    /// In the plot of the error.
+    pub error: Corner2D,
+    /// In the plot of sigma.
+    pub sigma: Corner2D,
+    /// In the plot of the error in sigma.
+    pub normalised: Corner2D,
 }
 
 /// The series of one block that has an uncertainty.
@@ -62,19 +78,24 @@ pub struct BlockSeries {
     pub components: Vec<Component>,
     /// Set where the truth is a constant of the scenario.
     pub constant: bool,
+    /// What the difference from the truth is called: an error, unless the truth is a recorded
+    /// reference, which has errors of its own.
+    pub compared: &'static str,
+    truth: &'static str,
     half_turn: f64,
     /// The first estimate: a position is shown in metres from the place at height zero under it.
     origin: Option<Vec<f64>>,
 }
 
 /// The blocks of a layout, without the fixed ones: those neither change nor have an uncertainty.
-pub fn blocks(layout: &Layout, full: bool) -> Vec<BlockSeries> {
+/// A truth that is not `simulated` is a recorded reference.
+pub fn blocks(layout: &Layout, simulated: bool, full: bool) -> Vec<BlockSeries> {
     let free = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
-    free.map(|(slot, block)| BlockSeries::new(slot, block, full)).collect()
+    free.map(|(slot, block)| BlockSeries::new(slot, block, simulated, full)).collect()
 }
 
 impl BlockSeries {
-    fn new(slot: usize, block: &Block, full: bool) -> Self {
+    fn new(slot: usize, block: &Block, simulated: bool, full: bool) -> Self {
         let (owner, name) = block.name.split_once('.').unwrap_or(("", &block.name));
         let unit = block.spec.display.unit;
         let half_turn = match block.operations.reading {
@@ -96,6 +117,8 @@ impl BlockSeries {
             name: name.to_owned(),
             components: (0..block.operations.tangent).map(component).collect(),
             constant: block.spec.truth.is_some() && !block.wanders,
+            compared: if simulated { "error" } else { "minus reference" },
+            truth: if simulated { "true" } else { "reference" },
             half_turn,
             origin: None,
         }
@@ -226,7 +249,7 @@ impl BlockSeries {
 
     /// Writes the error of a component in sigma.
     pub fn write_normalised(&self, recording: &Recording, k: usize) -> Result<(), StreamError> {
-        let line = ("error / sigma".to_owned(), colour(k), 1.6);
+        let line = (format!("{} / sigma", self.compared), colour(k), 1.6);
         let bound = |name: &str| (name.to_owned(), BOUND, 1.2);
         let lines = [line, bound("+3"), bound("-3")];
         let mut series = Series::lines(self.entity(k, "normalised"), &lines);
@@ -252,9 +275,9 @@ impl BlockSeries {
         let mut estimate =
             Series::bounded(self.entity(k, "estimate"), name.clone(), colour(k), 2.4)
                 .broken_at(jump);
-        let truth = (format!("true {name}"), TRUTH, 1.6);
+        let truth = (format!("{} {name}", self.truth), TRUTH, 1.6);
         let mut truth = Series::lines(self.entity(k, "truth"), &[truth]).broken_at(jump);
-        let title = label(&format!("{} error", c.name), e.unit);
+        let title = label(&format!("{} {}", c.name, self.compared), e.unit);
         let mut error = Series::bounded(self.entity(k, "error"), title, colour(k), 1.8);
         let powers = [
             ("magnitude of the error".to_owned(), MAGNITUDE, 0.8),
@@ -326,13 +349,24 @@ impl Plots {
         let sigmas = rows.iter().map(|r| r.1[1]).filter(|s| *s > 0.0);
         let least = sigmas.fold(f64::INFINITY, f64::min);
         let scale = Scale { unit: "", size: 1.0 };
+        let values = [over(first, begin, &value), over(end, end, &value)];
+        // an error near zero has no lower bound on this axis
+        let logarithms = [(0.1 * least).max(low), high].map(f64::log10);
+        let ratio = |r: &[f64; 4]| [r[3] / r[1], 3.0, -3.0];
+        let size = rows.iter().map(|row| ratio(&row.1)[0].abs()).fold(4.0, f64::max);
+        let corners = Corners {
+            value: quietest(rows, value, values[0]),
+            error: quietest(rows, |r| [r[3], 3.0 * r[1], -3.0 * r[1]], errors[0]),
+            sigma: quietest(rows, |r| [r[1], r[3].abs()].map(f64::log10), logarithms),
+            normalised: quietest(rows, ratio, [-size, size]),
+        };
         Some(Self {
             value: scale,
             error: scale,
-            values: [over(first, begin, &value), over(end, end, &value)],
+            values,
             errors: errors.iter().all(known).then_some(errors),
-            // an error near zero has no lower bound on this axis
-            logarithms: [(0.1 * least).max(low), high].map(f64::log10),
+            logarithms,
+            corners,
         })
     }
 

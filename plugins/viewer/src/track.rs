@@ -110,6 +110,15 @@ impl Extent {
         0.0_f32.max(self.low[2]).min(self.high[2])
     }
 
+    /// The factor by which depths are enlarged in the view of the whole track: a dive of 50 m is flat
+    /// beside legs of kilometres. Its depths are at most a sixth of its longest side.
+    pub fn exaggeration(&self) -> f32 {
+        let Some((_, side)) = self.middle() else { return 1.0 };
+        let depths = (self.high[2] - self.low[2]).max(1.0);
+        let fits = |factor: &f32| *factor * depths <= side / 6.0;
+        [10.0, 5.0, 2.0].into_iter().find(fits).unwrap_or(1.0)
+    }
+
     /// The middle, m, and the longest side, at least 1 m; `None` before the first place.
     pub fn middle(&self) -> Option<([f32; 3], f32)> {
         let side = (0..3).map(|k| self.high[k] - self.low[k]).fold(f32::NEG_INFINITY, f32::max);
@@ -253,6 +262,20 @@ mod tests {
 
     use super::*;
     use navfuse_core::nalgebra::Vector3;
+
+    #[test]
+    fn depths_are_enlarged_to_a_sixth_of_the_track_at_most() {
+        let factor = |side: f32, depth: f32| {
+            let geo = Extent::NONE.geo;
+            Extent { low: [0.0; 3], high: [side, 10.0, depth], geo }.exaggeration()
+        };
+        assert_eq!(
+            [factor(1900.0, 55.0), factor(500.0, 30.0), factor(100.0, 90.0)],
+            [5.0, 2.0, 1.0]
+        );
+        // the heave of a ship is no dive
+        assert_eq!([factor(40.0, 0.1), Extent::NONE.exaggeration()], [5.0, 1.0]);
+    }
 
     #[test]
     fn the_ellipsoid_has_the_axes_of_the_covariance() {

@@ -1,6 +1,6 @@
 //! The viewer's program: finding it, and opening a recording in it.
 
-use crate::live::{PROGRAM, VERSION};
+use crate::live::{LATER, PROGRAM, VERSION};
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -24,7 +24,7 @@ pub fn find() -> Result<ViewerProgram, StreamError> {
     let text = String::from_utf8_lossy(&output.stdout);
     let version = text.split_whitespace().find(|word| word.starts_with(|c: char| c.is_numeric()));
     let warnings = match version {
-        Some(VERSION) => Vec::new(),
+        Some(VERSION | LATER) => Vec::new(),
         found => vec![format!(
             "the viewer `{program}` is {}, and the recording is for version {VERSION}: {}",
             found.map_or_else(|| "of an unknown version".to_owned(), |v| format!("version {v}")),

@@ -121,9 +121,12 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
     assert_eq!(rows["/innovation/dvl/vel_x/gated"].len(), gated);
     assert_eq!(rows["/innovation/dvl/nis/gated"].len(), gated);
     assert_eq!(rows["/innovation/depth/depth/accepted"].len(), samples / 2);
-    // gate and the two lines of the band; without a gate the band alone
-    assert_eq!(rows["/innovation/dvl/nis/limits"][0].1.len(), 3);
-    assert_eq!(rows["/innovation/depth/nis/limits"][0].1.len(), 2);
+    // gate, mean, and the two lines of its band; without a gate the latter three
+    let limits = &rows["/innovation/dvl/nis/limits"];
+    assert_eq!((limits[0].1.len(), rows["/innovation/depth/nis/limits"][0].1.len()), (4, 3));
+    // the mean begins with the 25th used sample, and every 40th is an outlier
+    let [mean, low, high] = [1, 2, 3].map(|k| limits[24].1[k]);
+    assert!(limits[23].1[1].is_nan() && low < mean && mean < high, "{low} {mean} {high}");
     assert_eq!(rows["/samples/dvl/vel_x"].len(), samples);
     assert!(!rows.contains_key("/samples/imu/gyro_x"), "driving sensors are recorded on request");
 

@@ -23,7 +23,8 @@
 //! | `/rejection` | `navfuse_msgs/Rejection` | a sample of a driving sensor that the filter rejected, and why |
 //! | `/derived` | `navfuse_msgs/Derived` | a quantity that a sink derives: a table at one time |
 //!
-//! **Frames.** `ned` is north, east, down in the tangent plane at the position of the first epoch.
+//! **Frames.** `ned` is north and east in the tangent plane at the position of the first epoch, and down from
+//! height zero.
 //! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated.
 //! `map` is `ned` with the axes east, north, up, and `base_link` is the body with the axes forward,
 //! left, up, as RViz expects them. The frame of a sensor has the sensor's name, its place and its

@@ -15,6 +15,8 @@ pub struct Motion {
     velocity: Option<usize>,
     /// Origin of the local frame.
     origin: Option<Geodetic>,
+    /// Set where down counts from height zero.
+    from_height_zero: bool,
 }
 
 /// The motion at an epoch.
@@ -37,7 +39,22 @@ impl Motion {
             attitude: vehicle.attitude?.slot(),
             velocity: vehicle.velocity.map(Handle::slot),
             origin: None,
+            from_height_zero: false,
         })
+    }
+
+    /// The same blocks with down from height zero, so that a vehicle at the surface is near zero
+    /// whatever its first estimate was.
+    #[must_use]
+    pub fn from_height_zero(self) -> Self {
+        Self { from_height_zero: true, ..self }
+    }
+
+    /// North and east of a position from the origin, and down.
+    fn ned(&self, position: &Geodetic, origin: &Geodetic) -> Vector3<f64> {
+        let ned = position.ned_from(origin);
+        let down = if self.from_height_zero { -position.height } else { ned.z };
+        Vector3::new(ned.x, ned.y, down)
     }
 
     /// The same blocks with an origin of the local frame, in place of the position of the first epoch.
@@ -51,7 +68,7 @@ impl Motion {
         let position = Position::load::<f64>(value(epoch, self.position));
         let origin = *self.origin.get_or_insert(position);
         let pose = Pose {
-            position: position.ned_from(&origin),
+            position: self.ned(&position, &origin),
             attitude: load_quaternion(value(epoch, self.attitude)),
             covariance: covariance(epoch, self.position, self.attitude),
         };
@@ -70,7 +87,7 @@ impl Motion {
         let truth = epoch.truth.filter(|t| t.known[self.position] && t.known[self.attitude])?;
         let value = |slot: usize| &truth.state.values[epoch.layout.blocks[slot].range()];
         let attitude = load_quaternion(value(self.attitude));
-        let position = Position::load::<f64>(value(self.position)).ned_from(&self.origin?);
+        let position = self.ned(&Position::load::<f64>(value(self.position)), &self.origin?);
         let pose = Pose { position, attitude, covariance: Matrix6::zeros() };
         let known = self.velocity.filter(|slot| truth.known[*slot]);
         let (body, covariance) = match known {

@@ -118,7 +118,7 @@ impl Shown {
     /// Opens the topics.
     pub fn open(log: &mut Definitions, run: &RunInfo) -> Self {
         let motion = Motion::of(&run.layout).map(|motion| Moving {
-            motion,
+            motion: motion.from_height_zero(),
             estimate: Path::new(log.topic("/estimate/path", &schema::PATH)),
             truth: Path::new(log.topic("/reference/path", &schema::PATH)),
             reference: Paced::new(log.topic("/reference/odometry", &schema::ODOMETRY)),

@@ -216,7 +216,7 @@ impl Estimate {
     fn open(log: &mut Definitions, run: &RunInfo) -> Self {
         let blocks = Blocks::open(log, &run.layout, "/state");
         let navigation = Motion::of(&run.layout).map(|motion| Navigation {
-            motion,
+            motion: motion.from_height_zero(),
             odometry: log.topic("/estimate/odometry", &schema::ODOMETRY),
             fix: log.topic("/estimate/fix", &schema::FIX),
             frames: Frames::open(log, run),

@@ -158,7 +158,9 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
     // displaced() and ned_from() are inverse to each other up to rounding: an angle of 0.6 rad has
     // an ulp of 1.1e-16 rad, times 6.4e6 m
     assert!((number(&pose["position"]["x"]) - 100.0).abs() < 3e-9);
-    assert_eq!((number(&pose["position"]["y"]), number(&pose["position"]["z"])), (0.0, 0.0));
+    // down counts from height zero
+    let [east, down] = ["y", "z"].map(|axis| number(&pose["position"][axis]));
+    assert_eq!((east, down), (0.0, -ORIGIN.height));
     let q = UnitQuaternion::from_euler_angles(ATTITUDE[0], ATTITUDE[1], ATTITUDE[2]);
     let orientation = json!({ "x": float(q.i), "y": float(q.j), "z": float(q.k), "w": float(q.w) });
     assert_eq!(pose["orientation"], orientation);

@@ -197,7 +197,7 @@ fn a_comparison_begins_with_its_page_and_the_vehicles_of_all_runs_in_one_scene()
     assert_eq!(pages[..2], [["Overview"], ["Track"]], "{pages:?}");
     let views = ["What differs", "Vehicles of all runs, 8.00 m long", "NEES: NEES / n"];
     let map = "Map, lines every 0.5' from 43°00.0'N 5°00.0'E";
-    for view in views.iter().chain(&["3-D track", map]) {
+    for view in views.iter().chain(&["3-D track, depth x 10", map]) {
         assert!(layout.views.contains_key(*view), "{view}: {:?}", layout.views.keys());
     }
     let stores = ChunkStore::from_rrd_reader(

@@ -1,9 +1,10 @@
 //! The viewer shows a run: the recording in the real viewer, without a display, view by view.
 //!
-//! The viewer is `$RERUN_BIN`, or is fetched once with pip into the target folder; it renders in
-//! software with Mesa's Vulkan driver. Where either is not available the test prints so and passes.
+//! The viewers are those of `$RERUN_BIN`, or are fetched once with pip into the target folder; they
+//! render in software with Mesa's Vulkan driver. Without either, a test prints so and passes.
 
 use crate::common::Synthetic;
+use crate::driver::control::Seen;
 use crate::driver::{self, Layout, Viewer};
 use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
 use navfuse_rerun::re_sdk_types::archetypes::Scalars;
@@ -75,7 +76,7 @@ const PAGES: &[(&[&str], Views)] = &[
         &["Sensors", "dvl"],
         &[
             ("dvl vel_x [mm/s]", &[RED, BOUND, GATED]),
-            ("dvl NIS per channel [10^y]", &[BLUE, BAND, GATED]),
+            ("dvl NIS per channel [10^y]", &[BLUE, MARK, BAND, GATED]),
         ],
     ),
     (&["Sensors", "depth"], &[("depth depth [mm]", &[RED, BOUND])]),
@@ -134,47 +135,61 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
     assert!(missing.is_empty(), "{missing:#?}\nsee {}", folder.display());
 }
 
-/// The beams begin at the vehicle. Their pixels are in the middle third of the view, wherever the
-/// vehicle is, and the whole vehicle is visible.
-#[test]
-fn the_eye_of_the_overview_follows_the_vehicle() {
-    let Some(program) = driver::program() else { return };
-    let folder = driver::target("rerun-pictures/follow");
-    let recording = recorded(&folder);
-    let layout = Layout::read(&recording);
-    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
-    viewer.wait(Synthetic::time(5999).nanos());
-    let view = layout.view("Follows the vehicle; ");
-    for k in [1500, 4500] {
-        viewer.seek(Synthetic::time(k).nanos());
-        viewer.settled(&format!("at {k}"));
-        let picture = viewer.screenshot(Some(view), &format!("vehicle at {k}"));
-        let (w, h) = (picture.width() / 3, picture.height() / 3);
-        let middle = image::imageops::crop_imm(&picture, w, h, w, h).to_image();
-        assert!(count(&middle, BEAM) >= 20, "{k}: see {}", folder.display());
-        // the hull, which is the brightest part, is not cut off
-        let (w, h) = picture.dimensions();
-        let edge = |x: u32, y: u32| x < w / 40 || y < h / 40 || x >= w - w / 40 || y >= h - h / 40;
-        let bright = picture
-            .enumerate_pixels()
-            .filter(|(x, y, p)| edge(*x, *y) && p.0.iter().all(|c| *c > 170));
-        assert!(bright.count() < 20, "{k}: see {}", folder.display());
-    }
+/// The places of views in the window of 1600x1000, as shares of its width and height: the view that
+/// follows the vehicle, and the strips of health without their names at the left.
+const FOLLOWS: [f64; 4] = [0.285, 0.1, 0.55, 0.6];
+const STRIPS: [f64; 4] = [0.03, 0.66, 0.555, 0.96];
+
+fn part(window: &image::RgbImage, [left, top, right, bottom]: [f64; 4]) -> image::RgbImage {
+    let (w, h) = (f64::from(window.width()), f64::from(window.height()));
+    let [x, y, width, height] =
+        [left * w, top * h, (right - left) * w, (bottom - top) * h].map(|x| x as u32);
+    image::imageops::crop_imm(window, x, y, width, height).to_image()
 }
 
+/// A recording as it opens, before anything is clicked: it verifies, its cursor stands at its end,
+/// and the strips of health have the whole run. The eye follows the vehicle, whose beams are in the
+/// middle third of their view, wherever the vehicle is; the whole vehicle is visible.
 #[test]
-fn a_recording_verifies_and_opens_at_its_end() {
-    let Some(program) = driver::program() else { return };
-    let folder = driver::target("rerun-pictures/end");
-    let recording = recorded(&folder);
-    let verified = Command::new(&program).args(["rrd", "verify"]).arg(&recording).output().unwrap();
-    let text = String::from_utf8_lossy(&verified.stderr);
-    assert!(verified.status.success(), "{text}");
-    let end = Synthetic::time(5999).nanos();
-    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
-    viewer.wait(end);
-    viewer.settled("as it opens");
-    assert_eq!(viewer.cursor(), Some(end));
+fn every_version_of_the_viewer_opens_a_recording_at_its_end_and_follows_the_vehicle() {
+    let Some(programs) = driver::programs() else { return };
+    for (k, program) in programs.iter().enumerate() {
+        let folder = driver::target(&format!("rerun-pictures/version-{k}"));
+        let recording = recorded(&folder);
+        let verified = Command::new(program).args(["rrd", "verify"]).arg(&recording).output();
+        let verified = verified.unwrap();
+        let text = String::from_utf8_lossy(&verified.stderr);
+        assert!(verified.status.success(), "{text}");
+        let end = Synthetic::time(5999).nanos();
+        let mut viewer = Seen::open(program, &recording, &folder, end);
+        let window = viewer.settled("as it opens");
+        assert_eq!(viewer.cursor(), Some(end), "{}", program.display());
+        // both sensors are used over the whole run, each in a strip of 20 rows: nearly all of both
+        // halves is green
+        let strips = part(&window, STRIPS);
+        let half = strips.width() / 2;
+        for left in [0, half] {
+            let half =
+                image::imageops::crop_imm(&strips, left, 0, half, strips.height()).to_image();
+            let green = count(&half, USED) as f64 / (20.0 * f64::from(half.width()));
+            assert!(green > 2.0 * 0.8, "{green} strips: see {}", folder.display());
+        }
+        for at in [1500, 4500] {
+            viewer.seek(Synthetic::time(at).nanos());
+            let picture = part(&viewer.settled(&format!("vehicle at {at}")), FOLLOWS);
+            let (w, h) = (picture.width() / 3, picture.height() / 3);
+            let middle = image::imageops::crop_imm(&picture, w, h, w, h).to_image();
+            assert!(count(&middle, BEAM) >= 20, "{at}: see {}", folder.display());
+            // the hull, which is the brightest part, is not cut off
+            let (w, h) = picture.dimensions();
+            let edge =
+                |x: u32, y: u32| x < w / 40 || y < h / 40 || x >= w - w / 40 || y >= h - h / 40;
+            let bright = picture
+                .enumerate_pixels()
+                .filter(|(x, y, p)| edge(*x, *y) && p.0.iter().all(|c| *c > 170));
+            assert!(bright.count() < 20, "{at}: see {}", folder.display());
+        }
+    }
 }
 
 /// The scalars of a recording: entities with the times, ns, of their finite values.

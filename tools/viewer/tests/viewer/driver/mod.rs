@@ -1,5 +1,6 @@
 //! The viewer without a window, controlled through its service.
 
+pub mod control;
 pub mod geometry;
 
 use navfuse_rerun::re_sdk::external::re_log_types::BlueprintActivationCommand;
@@ -23,7 +24,8 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 
-const VERSION: &str = "0.36.3";
+/// The version that writes the recordings, and a later one that reads them.
+pub const VERSIONS: [&str; 2] = ["0.36.3", "0.41.0"];
 /// The longest wait for the viewer.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -38,17 +40,26 @@ fn succeeds(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
 }
 
-/// The viewer's program, with a Vulkan driver for it; without either, the test is skipped.
+/// The program of the first of [`VERSIONS`]; see [`programs`].
+pub fn program() -> Option<PathBuf> {
+    programs()?.into_iter().next()
+}
+
+/// The programs of all [`VERSIONS`], with a Vulkan driver for them; without either, the test is
+/// skipped. `RERUN_BIN` lists the paths of programs to use instead.
 ///
 /// The tests of a process run at the same time: one of them fetches, the others wait.
-pub fn program() -> Option<PathBuf> {
-    static PROGRAM: LazyLock<Result<PathBuf, String>> = LazyLock::new(|| {
+pub fn programs() -> Option<Vec<PathBuf>> {
+    static PROGRAMS: LazyLock<Result<Vec<PathBuf>, String>> = LazyLock::new(|| {
         if !vulkan() {
             return Err("no Vulkan driver; install mesa-vulkan-drivers".to_owned());
         }
-        std::env::var_os("RERUN_BIN").map_or_else(fetched, |program| Ok(program.into()))
+        match std::env::var_os("RERUN_BIN") {
+            Some(given) => Ok(std::env::split_paths(&given).collect()),
+            None => VERSIONS.into_iter().map(fetched).collect(),
+        }
     });
-    PROGRAM.as_ref().map_err(|why| skip(Need::Viewer, why)).cloned().ok()
+    PROGRAMS.as_ref().map_err(|why| skip(Need::Viewer, why)).cloned().ok()
 }
 
 /// Whether a Vulkan driver is installed.
@@ -56,15 +67,15 @@ fn vulkan() -> bool {
     Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some())
 }
 
-/// The viewer's program of the wheel, fetched once and renamed when it is whole: a program that is
+/// The viewer's program of a wheel, fetched once and renamed when it is whole: a program that is
 /// still written cannot be started.
-fn fetched() -> Result<PathBuf, String> {
-    let folder = target("rerun-viewer");
+fn fetched(version: &str) -> Result<PathBuf, String> {
+    let folder = target(&format!("rerun-viewer-{version}"));
     let program = folder.join("rerun");
     if !program.exists() {
-        let wheel = format!("rerun-sdk=={VERSION}");
-        let part = target("rerun-viewer/part");
-        let unzip = "unzip -o -j rerun_sdk-*.whl rerun_sdk/rerun_cli/rerun && chmod +x rerun";
+        let wheel = format!("rerun-sdk=={version}");
+        let part = target(&format!("rerun-viewer-{version}/part"));
+        let unzip = "unzip -o -j rerun_sdk-*.whl '*rerun_cli/rerun' && chmod +x rerun";
         let fetched = succeeds(
             Command::new("pip")
                 .args(["download", "--no-deps", &wheel, "-d", "."])
@@ -90,27 +101,33 @@ pub struct Viewer {
     client: ViewerControlServiceClient<Channel>,
 }
 
+/// Starts the program without a window; it opens a file or an address. The port on which it listens.
+fn window(program: &Path, open: Option<&str>, pictures: &Path) -> (Child, u16) {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    // only the loopback is reachable: requests for map tiles and analytics fail at a proxy that
+    // does not exist
+    let nowhere = "http://127.0.0.1:1";
+    let child = Command::new(program)
+        .args(["--headless", "--bind", "127.0.0.1", "--port", &port.to_string()])
+        .args(["--window-size", "1600x1000", "--hide-welcome-screen"])
+        .args(open)
+        .env("HOME", pictures)
+        .envs([
+            ("http_proxy", nowhere),
+            ("https_proxy", nowhere),
+            ("no_proxy", "127.0.0.1,localhost"),
+        ])
+        .stdout(Stdio::null())
+        .stderr(File::create(pictures.join("viewer.log")).unwrap())
+        .spawn()
+        .unwrap();
+    (child, port)
+}
+
 impl Viewer {
     /// Starts a viewer that opens a file or an address.
     pub fn start(program: &Path, open: Option<&str>, pictures: &Path) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        // only the loopback is reachable: requests for map tiles and analytics fail at a proxy that
-        // does not exist
-        let nowhere = "http://127.0.0.1:1";
-        let child = Command::new(program)
-            .args(["--headless", "--bind", "127.0.0.1", "--port", &port.to_string()])
-            .args(["--window-size", "1600x1000", "--hide-welcome-screen"])
-            .args(open)
-            .env("HOME", pictures)
-            .envs([
-                ("http_proxy", nowhere),
-                ("https_proxy", nowhere),
-                ("no_proxy", "127.0.0.1,localhost"),
-            ])
-            .stdout(Stdio::null())
-            .stderr(File::create(pictures.join("viewer.log")).unwrap())
-            .spawn()
-            .unwrap();
+        let (child, port) = window(program, open, pictures);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let begun = Instant::now();
         let client = loop {
@@ -146,11 +163,6 @@ impl Viewer {
         let recordings = self.recordings();
         let timelines = recordings.iter().flat_map(|r| &r.timelines);
         timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
-    }
-
-    /// The time at which the cursor stands, ns.
-    pub fn cursor(&mut self) -> Option<i64> {
-        self.recordings().iter().find_map(|r| Some(r.current_time.as_ref()?.time?.time))
     }
 
     fn recordings(&mut self) -> Vec<ViewerRecording> {
