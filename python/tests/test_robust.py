@@ -67,6 +67,24 @@ def test_a_hundred_damaged_logs_are_read_in_part_or_raise(short, tmp_path):
     assert read > 0 and raised > 0
 
 
+def test_a_hundred_tables_with_any_headings_are_taken_or_raise(short, recwarn):
+    draws, taken, raised = random.Random(3), 0, 0
+    words = ["time", "t [ms]", "stamp", "vel", "v", "depth", "x", "y [cm/s]", "_z_mps", "(m)", "", "p [dbar]", "date"]
+    cells = [0.0, 1.5, -3.0, 1e300, np.nan, np.inf, None, "a", "2024-01-01", 1_700_000_000_000]
+    for _ in range(100):
+        columns = {" ".join(draws.choices(words, k=2)): draws.choices(cells, k=20) for _ in range(draws.randint(1, 6))}
+        if draws.random() < 0.8:
+            columns["time_s"] = np.arange(60.5, 70.5, 0.5)
+            columns[draws.choice(["Vel X (kn)", "Depth [ft]"])] = np.linspace(0.0, 1.0, 20)
+        try:
+            short.with_samples(**{draws.choice(["dvl", "depth", "imu", "reference"]): pandas.DataFrame(columns)})
+            taken += 1
+        except (ValueError, navfuse.NavfuseError) as error:
+            assert str(error)
+            raised += 1
+    assert taken > 0 and raised > 0
+
+
 @pytest.mark.parametrize(
     "value", [np.nan, np.inf, -1e300, 1e18, "x", None, [[[1.0]]], {}, object(), np.array(["a"])]
 )

@@ -50,8 +50,9 @@ pub trait DynamicModel: Send + Sync + 'static {
     fn predict(&self, x: &View<'_, f64>, z: &mut [f64]);
 
     /// Computes `h(x)` at several states, the channels of one state after those of another. The
-    /// derivatives come from it. Default: one state after the other. A model that is called from
-    /// afar, as one in a script, needs one call for all of them.
+    /// derivatives come from it: there are then more than two states, and the last one is amid the
+    /// others. Default: one state after the other. A model that is called from afar, as one in a
+    /// script, needs one call for all of them.
     fn predict_all(&self, states: &[View<'_, f64>], z: &mut [f64]) {
         let n = z.len() / states.len().max(1);
         states.iter().zip(z.chunks_mut(n.max(1))).for_each(|(x, z)| self.predict(x, z));
