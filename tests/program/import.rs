@@ -103,7 +103,6 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     recording.write("axes.csv", &format!("time,x,y,z\n{rows}"));
     recording.write("beams.csv", "time,beam1,beam2,beam3,beam4\n0,1,2,3,4\n1,1,2,3,4\n");
     recording.write("earth.csv", "time,vel_n_mps,vel_e_mps,vel_d_mps\n0,1,2,0\n1,1,2,0\n");
-    recording.write("log.yaml", "- t: 0.1\n  w: [1, 2]\n- t: 0.2\n  w: [1, 2]\n");
     for (files, words) in [
         (vec![path("numbers.csv")], "not headings"),
         (vec![path("unknown.csv")], "no sensor is recognised by its columns time_s, temperature_c"),
@@ -113,7 +112,6 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
         (vec![path("axes.csv")], "name axes alone"),
         (vec![path("beams.csv")], "along the beams of a velocity log"),
         (vec![path("imu.csv"), path("earth.csv")], "no table has the positions of their receiver"),
-        (vec![path("log.yaml")], "it is YAML"),
         (vec![path("dvl.csv")], "no file has an IMU"),
         (vec![path("imu.csv"), path("imu.csv")], "it has the sensor imu"),
         (vec![path("nothing.csv")], "nothing.csv"),

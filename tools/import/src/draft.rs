@@ -257,6 +257,8 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             let why = "measured from sample to sample, with the vibration of the vehicle";
             out.ask(&format!("gyro_noise = \"{gyro} deg/h/sqrt(Hz)\""), why);
             out.ask(&format!("accel_noise = \"{accel} ug/sqrt(Hz)\""), why);
+            let why = "error of its axes in the vehicle, as the motion shows it: measure them";
+            part.samples.doubted().iter().for_each(|line| out.ask(line, why));
             let longest = stream.map_or(0.0, |s| s.gaps.1);
             if longest > LONGEST_BRIDGED {
                 let bridged = (longest * 1.1).ceil();

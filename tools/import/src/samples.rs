@@ -37,6 +37,8 @@ pub struct Samples {
     pub axes: Option<[String; 3]>,
     /// The turn of a table's samples by any angle, before these axes.
     pub rotation: Option<Rotation>,
+    /// 1-sigma of the roll, pitch and yaw, rad, of axes that were guessed by the motion; zero for others.
+    pub doubt: [f64; 3],
     /// Set if rates are in deg/s.
     degrees: bool,
     /// Set if rates, and specific forces, are negative.

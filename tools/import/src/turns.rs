@@ -4,7 +4,7 @@
 use crate::axes::Sense;
 use crate::recording::{Part, Reader, Recording};
 use crate::rotation::{Rotation, about_down, levelling, of_axes, product};
-use crate::samples::find;
+use crate::samples::{Samples, find};
 use crate::stream::StreamSurvey;
 use crate::table::BY_CONTENT;
 use navfuse_core::model::stream::StreamError;
@@ -13,6 +13,26 @@ use navfuse_core::model::stream::StreamError;
 const TILTED: f64 = 0.35;
 /// Turn about the vertical, rad, from which an IMU is not along the course: 5 deg.
 const TURNED: f64 = 0.087;
+/// Sigmas of a turn from which it is no chance, and from which the IMU is turned.
+const DOUBTED: f64 = 2.0;
+const DETERMINED: f64 = 5.0;
+/// 1-sigma of the yaw of a unit that was levelled and of which no course shows the yaw, rad: 20 deg.
+const UNKNOWN: f64 = 0.35;
+/// 1-sigma of the trim that a vehicle keeps on average, rad: 2 deg.
+const TRIM: f64 = 0.035;
+/// 1-sigma of the level of a unit at an odd angle, rad: 0.5 deg.
+const LEVEL: f64 = 0.009;
+/// Gravity, m/s^2.
+const GRAVITY: f64 = 9.8;
+
+impl Samples {
+    /// The key of the mounting whose error was guessed with the axes.
+    pub fn doubted(&self) -> Option<String> {
+        let [roll, pitch, yaw] = self.doubt.map(f64::to_degrees);
+        let line = format!("[\"{roll:.1} deg\", \"{pitch:.1} deg\", \"{yaw:.1} deg\"]");
+        (yaw > 0.0).then(|| format!("mounting = {{ sigma = {line} }}"))
+    }
+}
 
 impl Part {
     /// Turns the samples by a rotation, after what has turned them already; `false` where their axes
@@ -48,9 +68,15 @@ impl Recording {
         let Some((rotation, angle)) = level.filter(|(_, angle)| *angle > TILTED) else {
             return false;
         };
-        if !self.turnable().is_some_and(|part| part.rotate(&rotation)) {
+        // a change of the speed over the whole recording tilts the mean force
+        let fastest = find(streams, "gnss").map_or(0.0, |gnss| gnss.fastest);
+        let doubt = TRIM.hypot(fastest / (GRAVITY * imu.length().max(1.0)));
+        let yaw = if self.moves_sideways() { UNKNOWN } else { 0.0 };
+        let Some(part) = self.turnable() else { return false };
+        if !part.rotate(&rotation) {
             return false;
         }
+        part.samples.doubt = [doubt, doubt, yaw];
         self.tilted = true;
         let text = format!(
             "the mean of its specific force is {:.0} deg from an axis: it is levelled, as for a vehicle \
@@ -62,30 +88,43 @@ impl Recording {
         true
     }
 
-    /// Turns an IMU that is at an angle in its vehicle by the course of a receiver.
+    /// Turns an IMU that is at an angle in its vehicle by the course of a receiver, and states what remains
+    /// uncertain of its axes.
     pub fn turn_freely(&mut self, streams: &[StreamSurvey]) -> bool {
         let course = find(streams, "gnss").and_then(|s| s.course);
-        let Some(course) = course.filter(|course| course.sense == Sense::Right) else {
-            return false;
-        };
-        let turn = course.turn;
-        let determined = turn.angle.abs() > TURNED.max(5.0 * turn.sigma);
-        if !determined || self.moves_sideways() || self.turned_freely {
-            return false;
-        }
-        if !self.turnable().is_some_and(|part| part.rotate(&about_down(turn.angle))) {
+        let turn = course.filter(|course| course.sense == Sense::Right).map(|course| course.turn);
+        let sigma = turn.map_or(UNKNOWN, |turn| turn.sigma);
+        let turn = turn.filter(|turn| turn.angle.abs() > DOUBTED * turn.sigma);
+        if self.turned_freely || self.moves_sideways() || (turn.is_none() && !self.tilted) {
             return false;
         }
         self.turned_freely = true;
+        let Some(turn) = turn else {
+            self.doubt_yaw(sigma);
+            return true;
+        };
+        let large = turn.angle.abs() > TURNED.max(DETERMINED * turn.sigma);
+        let rotation = about_down(turn.angle);
+        let turned = large && self.turnable().is_some_and(|part| part.rotate(&rotation));
+        self.doubt_yaw(if turned { turn.sigma } else { turn.sigma.hypot(turn.angle) });
+        let kept = ", which is too uncertain or too small: it stays, as an error of the mounting";
         let text = format!(
             "the course of the receiver fits its accelerations after a turn by {:.1} deg about down, \
-             sigma {:.1} deg",
+             sigma {:.1} deg{}",
             turn.angle.to_degrees(),
-            turn.sigma.to_degrees()
+            turn.sigma.to_degrees(),
+            if turned { "" } else { kept }
         );
         self.notes.push(format!("imu: {text}"));
         self.ask(&text);
         true
+    }
+
+    /// States the 1-sigma of the yaw of the IMU in the vehicle, rad.
+    fn doubt_yaw(&mut self, yaw: f64) {
+        let Some(part) = self.part_mut("imu") else { return };
+        let [roll, pitch, _] = part.samples.doubt.map(|sigma| sigma.max(LEVEL));
+        part.samples.doubt = [roll, pitch, yaw];
     }
 
     /// Tests whether the velocities of a log are along the axes of its vehicle.

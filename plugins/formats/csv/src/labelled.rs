@@ -1,10 +1,13 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
-//! array, and lines such as `t=0.01 gx: 0.2`.
+//! array, lines such as `t=0.01 gx: 0.2`, and YAML.
 
-use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
+use crate::yaml;
+use std::io::{BufRead, BufReader, Chain, Cursor, Error, ErrorKind, Read, Result};
 
 /// Largest length of a record, in bytes.
 const LONGEST: usize = 1 << 20;
+/// Bytes by which the form is found.
+const BEGINNING: u64 = 16 * 1024;
 /// Deepest nesting of an object.
 const DEEPEST: usize = 32;
 /// Headings of a line's beginning: its date or time, and the kind of its record.
@@ -81,7 +84,7 @@ fn object(text: &str, mut found: impl FnMut(&str, &str)) {
 }
 
 /// Adds a name to a path.
-fn join(path: &mut String, name: &str) {
+pub fn join(path: &mut String, name: &str) {
     if !path.is_empty() {
         path.push('.');
     }
@@ -142,9 +145,41 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
     }
 }
 
-/// Calls `found` with the path and the text of each value of a record.
-fn values(record: &str, found: impl FnMut(&str, &str)) {
-    if record.starts_with('{') { object(record, found) } else { line(record, found) }
+/// The records of a file: objects, lines, or parts of YAML.
+struct Records<R> {
+    file: BufReader<Chain<Cursor<Vec<u8>>, R>>,
+    record: Vec<u8>,
+    /// The first line of the next record of YAML; `None` for another form.
+    ahead: Option<Vec<u8>>,
+}
+
+impl<R: Read> Records<R> {
+    fn new(mut file: R) -> Self {
+        let mut beginning = Vec::new();
+        // a file that cannot be read fails again at the first record
+        let _ = (&mut file).take(BEGINNING).read_to_end(&mut beginning);
+        let yaml = yaml::is_yaml(&String::from_utf8_lossy(&beginning));
+        let file = BufReader::new(Cursor::new(beginning).chain(file));
+        Self { file, record: Vec::new(), ahead: yaml.then(Vec::new) }
+    }
+
+    /// Reads the next record; `false` at the end.
+    fn advance(&mut self) -> Result<bool> {
+        match &mut self.ahead {
+            Some(ahead) => yaml::next(&mut self.file, &mut self.record, ahead),
+            None => next(&mut self.file, &mut self.record),
+        }
+    }
+
+    /// Calls `found` with the path and the text of each value of the record.
+    fn values(&self, found: impl FnMut(&str, &str)) {
+        let record = String::from_utf8_lossy(&self.record);
+        match &self.ahead {
+            Some(_) => yaml::values(&record, found),
+            None if record.starts_with('{') => object(&record, found),
+            None => line(&record, found),
+        }
+    }
 }
 
 /// Reads the next record: an object, or a line; `false` at the end.
@@ -182,22 +217,25 @@ fn next(file: &mut impl BufRead, record: &mut Vec<u8>) -> Result<bool> {
         if whole {
             return Ok(!record.is_empty());
         }
-        if record.len() > LONGEST {
-            let text = format!("a record has more than {LONGEST} bytes");
-            return Err(Error::new(ErrorKind::InvalidData, text));
-        }
+        bounded(record.len())?;
     }
+}
+
+/// Refuses a record that is too long.
+pub fn bounded(length: usize) -> Result<()> {
+    let text = || format!("a record has more than {LONGEST} bytes");
+    let error = || Error::new(ErrorKind::InvalidData, text());
+    if length > LONGEST { Err(error()) } else { Ok(()) }
 }
 
 /// The records at the beginning of a text, each with the paths and the texts of its values; empty
 /// where the rows name nothing.
 #[must_use]
 pub fn records(text: &str) -> Vec<Vec<(String, String)>> {
-    let (mut file, mut record, mut records) = (text.as_bytes(), Vec::new(), Vec::new());
-    while let Ok(true) = next(&mut file, &mut record) {
+    let (mut file, mut records) = (Records::new(text.as_bytes()), Vec::new());
+    while let Ok(true) = file.advance() {
         let mut row = Vec::new();
-        let text = String::from_utf8_lossy(&record);
-        values(&text, |name, value| row.push((name.to_owned(), value.to_owned())));
+        file.values(|name, value| row.push((name.to_owned(), value.to_owned())));
         records.push(row);
     }
     // the last one may be cut off
@@ -209,9 +247,8 @@ pub fn records(text: &str) -> Vec<Vec<(String, String)>> {
 
 /// The records of a file as rows of a table, with a cell for each heading.
 pub struct Labelled {
-    file: BufReader<Box<dyn Read + Send>>,
+    file: Records<Box<dyn Read + Send>>,
     headings: Vec<String>,
-    record: Vec<u8>,
     cells: Vec<String>,
     row: Vec<u8>,
     /// Number of bytes of the row that were given.
@@ -222,19 +259,20 @@ impl Labelled {
     /// The rows of a file, in the order of the headings.
     pub fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Self {
         let cells = vec![String::new(); headings.len()];
-        let (record, row, file) = (Vec::new(), Vec::new(), BufReader::new(file));
-        Self { file, headings, record, cells, row, given: 0 }
+        let (row, file) = (Vec::new(), Records::new(file));
+        Self { file, headings, cells, row, given: 0 }
     }
 
     /// Reads the next row; `false` at the end.
     fn advance(&mut self) -> Result<bool> {
-        let more = next(&mut self.file, &mut self.record)?;
+        let more = self.file.advance()?;
         self.row.clear();
         self.given = 0;
         self.cells.iter_mut().for_each(String::clear);
-        values(&String::from_utf8_lossy(&self.record), |name, value| {
-            let heading = self.headings.iter().position(|heading| heading == name);
-            let cell = heading.and_then(|k| self.cells.get_mut(k)).filter(|c| c.is_empty());
+        let (headings, cells) = (&self.headings, &mut self.cells);
+        self.file.values(|name, value| {
+            let heading = headings.iter().position(|heading| heading == name);
+            let cell = heading.and_then(|k| cells.get_mut(k)).filter(|c| c.is_empty());
             let plain = |c: char| if c.is_control() || [',', '"'].contains(&c) { ' ' } else { c };
             cell.into_iter().for_each(|cell| cell.extend(value.chars().map(plain)));
         });
@@ -292,11 +330,24 @@ mod tests {
         assert_eq!(table("t=0.5 at=22:13:20 a=1", &["t", "at", "a"]), "0.5,22:13:20,1\n");
     }
 
+    #[test]
+    fn parts_of_yaml_are_rows_by_the_paths_of_their_values() {
+        let list = "# log\n- t: 1.5\n  gyro: [-1e-3, 2,\n    3]\n  a: {x: 1, y: [4, 5]}  # m\n\
+                    - t: 2\n  gyro:\n  - 6\n  - 7\n  a:\n    x: 'b'\n- t: 3\n  ok: null\n";
+        let headings = ["t", "gyro.0", "gyro.1", "a.x", "a.y.1", "ok"];
+        let rows = "1.5,-1e-3,2,1,5,\n2,6,7,b,,\n3,,,,,\n";
+        assert_eq!(table(list, &headings), rows);
+        let echo = "header:\n  stamp:\n    sec: 1\n    nanosec: 5\nw:\n  x: 0.1\nc:\n- 0.0\n- 2.0\n\
+                    f:\n  x: 9.8\n---\nheader:\n  stamp:\n    sec: 2\nw:\n  x: 0.2\n---\n";
+        let headings = ["header.stamp.sec", "header.stamp.nanosec", "w.x", "c.1", "f.x"];
+        assert_eq!(table(echo, &headings), "1,5,0.1,2.0,9.8\n2,,0.2,,\n");
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn any_text_has_rows_or_an_error(text in "([{}\\[\\]\",:= \n\\\\]|a|1|é|null)*") {
+        fn any_text_has_rows_or_an_error(text in "([{}\\[\\]\",:= \n\\\\]|a: |- |---\n|1|é|null)*") {
             for row in records(&text) {
                 prop_assert!(row.len() <= text.len());
             }

@@ -34,6 +34,7 @@ mod time;
 mod turned;
 mod unused;
 mod utf16;
+mod yaml;
 
 pub use bounded::beginning;
 pub use columns::{Axes, EstimateColumns, ending};

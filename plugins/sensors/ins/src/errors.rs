@@ -10,6 +10,13 @@
 //! Groves, 2nd ed., eqs 4.16 and 4.17, with the six cross-coupling coefficients of a triad as the
 //! rotation of its axes and what remains: the angle between the axes x and y is smaller than 90 deg
 //! by `2 n_z`. The bias is added before: `w` stands for `w + b_g`, and `f` for `f + b_a`.
+//!
+//! The mounting `m` turns both triads together: `C(m)` turns what is along the axes of the unit into the
+//! axes of the body. It may be some degrees, so it is a rotation and no small angle: with the vector of
+//! Gibbs `p = m / 2`, whose size is the tangent of half the angle,
+//! ```text
+//! C(m) v = v + 2 (p x v + p x (p x v)) / (1 + p^2)
+//! ```
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -93,12 +100,20 @@ fn value<T: Real>(x: &View<'_, T>, of: States) -> Vector3<T> {
     of.map_or_else(Vector3::zeros, |handle| x.get(handle))
 }
 
+/// Computes `C(m) v`.
+fn rotated<T: Real>(m: &Vector3<T>, v: Vector3<T>) -> Vector3<T> {
+    let p = m * convert::<f64, T>(0.5);
+    let (once, factor) = (p.cross(&v), convert::<f64, T>(2.0) / (T::one() + p.norm_squared()));
+    v + (once + p.cross(&once)) * factor
+}
+
 /// Corrects the samples of an IMU by its errors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImuErrors {
     gyros: Triad,
     accelerometers: Triad,
     g_sensitivity: States,
+    mounting: States,
 }
 
 impl ImuErrors {
@@ -111,9 +126,10 @@ impl ImuErrors {
             misalignment: of(&format!("{kind}_misalignment")),
         };
         let (gyros, accelerometers) = (triad("gyro"), triad("accel"));
-        let g_sensitivity = of("g_sensitivity");
-        let ideal = gyros.is_ideal() && accelerometers.is_ideal() && g_sensitivity.is_none();
-        (!ideal).then_some(Self { gyros, accelerometers, g_sensitivity })
+        let (g_sensitivity, mounting) = (of("g_sensitivity"), of("mounting"));
+        let triads = gyros.is_ideal() && accelerometers.is_ideal();
+        let ideal = triads && g_sensitivity.or(mounting).is_none();
+        (!ideal).then_some(Self { gyros, accelerometers, g_sensitivity, mounting })
     }
 }
 
@@ -125,6 +141,10 @@ impl InputModel<6> for ImuErrors {
             w -= value(x, self.g_sensitivity).component_mul(&f);
         }
         let w = self.gyros.correct(x, w);
+        let [w, f] = match self.mounting {
+            Some(mounting) => [w, f].map(|v| rotated(&x.get(mounting), v)),
+            None => [w, f],
+        };
         [w.x, w.y, w.z, f.x, f.y, f.z]
     }
 }
@@ -138,7 +158,7 @@ mod tests {
     use navfuse_core::units::sample::{Sample, SensorId};
     use navfuse_core::units::time::Time;
 
-    const KEYS: [&str; 7] = [
+    const KEYS: [&str; 8] = [
         "sensor.imu.gyro_scale={ sigma = \"1 %\" }",
         "sensor.imu.accel_scale={ sigma = \"1 %\" }",
         "sensor.imu.gyro_axes={ sigma = \"10 mrad\" }",
@@ -146,6 +166,7 @@ mod tests {
         "sensor.imu.accel_axes={ sigma = \"10 mrad\" }",
         "sensor.imu.accel_misalignment={ sigma = \"10 mrad\" }",
         "sensor.imu.g_sensitivity={ sigma = \"100 deg/h/g\" }",
+        "sensor.imu.mounting={ sigma = \"3 deg\" }",
     ];
 
     fn bench(settings: &[&str]) -> (Bench, std::sync::Arc<Correction>) {
@@ -197,7 +218,7 @@ mod tests {
         let (bench, correction) = bench(&KEYS);
         let layout = &bench.composition.layout;
         let columns = correction.columns(layout);
-        assert_eq!(columns.len(), 21);
+        assert_eq!(columns.len(), 24);
         let mut random = Uniform::new(3);
         for _ in 0..50 {
             let mut state = bench.state();
@@ -223,6 +244,22 @@ mod tests {
                     assert!(error < 1e-6, "channel {k} by {column}: {error:e}");
                 }
             }
+        }
+    }
+
+    /// By hand: axes with a yaw of 20 deg in the body see a vector along forward to their left. The
+    /// vector of Gibbs of 20 deg has the size `tan 10 deg`, so `m` is twice that.
+    #[test]
+    fn a_mounting_turns_rates_and_forces_together_and_keeps_their_size() {
+        let (bench, correction) = bench(&["sensor.imu.mounting={ sigma = \"3 deg\" }"]);
+        let mut state = bench.state();
+        let (sin, cos) = 20_f64.to_radians().sin_cos();
+        set(&bench, &mut state, "imu.mounting", [0.0, 0.0, 2.0 * 10_f64.to_radians().tan()]);
+        let channels = [cos, -sin, 0.5, 2.0 * cos, -2.0 * sin, -9.8];
+        let sample = Sample::new(Time::default(), SensorId(0), &channels);
+        let corrected = correction.correct(&bench.composition.layout, &state, &sample);
+        for (k, expected) in [1.0, 0.0, 0.5, 2.0, 0.0, -9.8].iter().enumerate() {
+            assert!((corrected.get(k).unwrap() - expected).abs() < 1e-14, "{k}: {corrected:?}");
         }
     }
 

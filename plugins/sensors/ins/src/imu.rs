@@ -83,6 +83,10 @@ pub struct Imu {
     pub gyro_misalignment: Option<Axes>,
     /// Rotation of the accelerometers' axes against the body. Default: none, or that of the grade.
     pub accel_misalignment: Option<Axes>,
+    /// Roll, pitch and yaw of the axes of the whole unit in the body, such as
+    /// `{ sigma = ["2 deg", "2 deg", "3 deg"] }` of a unit whose position in the vehicle nobody measured.
+    /// Default: none, as its axes are those of the body.
+    pub mounting: Option<Axes>,
     /// Sensitivity of each gyro to the specific force along its axis. Default: none, or that of the
     /// grade.
     pub g_sensitivity: Option<GSensitivities>,
@@ -171,13 +175,15 @@ impl Imu {
         for (name, axes) in axes {
             errors::block(axes, composer, name, errors::AXES)?;
         }
+        errors::block(self.mounting, composer, "mounting", display::ANGLES)?;
         errors::block(self.g_sensitivity, composer, "g_sensitivity", errors::PER_G)
     }
 
     /// 1-sigma of the horizontal specific force that the axes of a level IMU at rest cause, m/s^2.
     pub(crate) fn levelling_error(&self) -> f64 {
         let sigma = |axes: Option<Axes>| axes.and_then(|a| a.sigma).map_or(0.0, |s| s.si().amax());
-        STANDARD_GRAVITY * sigma(self.accel_axes).hypot(sigma(self.accel_misalignment))
+        let axes = sigma(self.accel_axes).hypot(sigma(self.accel_misalignment));
+        STANDARD_GRAVITY * axes.hypot(sigma(self.mounting))
     }
 
     /// White noise of the gyros, rad/s/sqrt(Hz).

@@ -2,23 +2,22 @@
 
 use super::*;
 
-/// The recording of an IMU at a yaw in its vehicle, deg, with its z axis down or up.
-pub fn at_an_angle(recorded: &Recorded, folder: &Path, degrees: f64, upward: bool) -> Vec<PathBuf> {
-    let line = |(t, v): &Row| {
-        let turned = yawed(v, degrees);
-        let turned = if upward { flu(&turned) } else { turned };
-        format!("{},{}", seconds(*t), cells(turned))
-    };
+/// The recording of an IMU with a roll and a yaw in its vehicle, deg.
+pub fn at_an_angle(recorded: &Recorded, folder: &Path, angles: [f64; 2]) -> Vec<PathBuf> {
+    let line = |(t, v): &Row| format!("{},{}", seconds(*t), cells(turned(v, angles)));
     let text = table("time,gx,gy,gz,ax,ay,az", &recorded["imu"], line);
     imu_of(recorded, folder, &text, 0).given
 }
 
-/// A vector along axes that are turned by a yaw in the vehicle, deg.
-fn yawed(v: &[f64], degrees: f64) -> [f64; 6] {
-    let (sin, cos) = degrees.to_radians().sin_cos();
-    let turned = |x: f64, y: f64| [cos * x + sin * y, cos * y - sin * x];
-    let ([a, b], [d, e]) = (turned(v[0], v[1]), turned(v[3], v[4]));
-    [a, b, v[2], d, e, v[5]]
+/// Two vectors along axes with a roll and a yaw in the vehicle, deg.
+fn turned(v: &[f64], angles: [f64; 2]) -> [f64; 6] {
+    let [(sr, cr), (sy, cy)] = angles.map(|angle| angle.to_radians().sin_cos());
+    let turn = |[x, y, z]: [f64; 3]| {
+        let [x, y] = [cy * x + sy * y, cy * y - sy * x];
+        [x, cr * y + sr * z, cr * z - sr * y]
+    };
+    let ([a, b, c], [d, e, f]) = (turn([v[0], v[1], v[2]]), turn([v[3], v[4], v[5]]));
+    [a, b, c, d, e, f]
 }
 
 /// Rows of the recording between two times, s.

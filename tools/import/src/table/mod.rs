@@ -19,7 +19,6 @@ mod rtklib;
 mod units;
 mod unknown;
 mod vocabulary;
-mod yaml;
 
 use crate::found::Found;
 pub use clock::GUESSED;
@@ -41,13 +40,6 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     }
     if let Some(found) = labelled::sensors(beginning, name) {
         return found;
-    }
-    if yaml::is_yaml(beginning) {
-        return Err(
-            "it is YAML, which navfuse does not read: write a table (CSV) or objects of JSON, as \
-                    `yq -o=json -I=0` does, or `ros2 topic echo --csv` instead of `ros2 topic echo`"
-                .to_owned(),
-        );
     }
     let several = kinds::sensors(beginning);
     if !several.is_empty() {

@@ -13,7 +13,8 @@
 //! ```
 //! `C_b^b0` is integrated from the gyros. The constant `C_b0^n` is fitted to all fixes. The first
 //! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
-//! determines the heading within the mounting of the IMU and the side slip. A receiver without
+//! determines the heading within the mounting of the IMU and the side slip. A vehicle that reverses moves
+//! against its forward axis, so both senses are fitted; the accelerations decide. A receiver without
 //! velocity has the mean velocities between its positions ([`fixes`]); a vertical velocity that is
 //! missing counts as zero.
 
@@ -48,6 +49,8 @@ use navfuse_core::units::time::Time;
 const SLIP: f64 = 0.2;
 /// Expected error of one velocity of GNSS, m/s.
 const VELOCITY: f64 = 0.1;
+/// Twice the logarithm of the likelihood ratio from which a vehicle reverses: 1e5 : 1.
+const REVERSES: f64 = 23.0;
 /// Least number of fixes in motion.
 const FEWEST: usize = 4;
 /// Prior sigma of the filter, rad: tilt, and heading.
@@ -133,7 +136,8 @@ pub(crate) struct CourseAlignment {
     integral: Integral,
     positions: Positions,
     first: Option<First>,
-    pairs: Pairs,
+    /// Pairs of a vehicle that moves ahead, and of one that reverses.
+    pairs: [Pairs; 2],
     /// Number of fixes in motion.
     moving: usize,
     found: Option<Found>,
@@ -162,7 +166,7 @@ impl CourseAlignment {
             integral: Integral::default(),
             positions: Positions::default(),
             first: None,
-            pairs: Pairs::default(),
+            pairs: [Pairs::default(); 2],
             moving: 0,
             found: None,
         }
@@ -182,12 +186,15 @@ impl CourseAlignment {
         // accelerometer bias, and tilt by the gyro bias
         let (gyro, accel) = self.settings.bias;
         let sigma = (accel * t).hypot(0.5 * first.gravity * gyro * t * t).hypot(fix.sigma[0]);
-        self.pairs.add(&(force / sigma), &(measured / sigma));
-        if fix.velocity.xy().norm() >= self.settings.min_speed {
-            self.pairs
-                .add(&(fix.velocity.normalize() / fix.sigma[1]), &(fix.forward / fix.sigma[1]));
-            self.moving += 1;
+        let moves = fix.velocity.xy().norm() >= self.settings.min_speed;
+        for (pairs, sense) in self.pairs.iter_mut().zip([1.0, -1.0]) {
+            pairs.add(&(force / sigma), &(measured / sigma));
+            if moves {
+                let course = fix.velocity.normalize() * sense;
+                pairs.add(&(course / fix.sigma[1]), &(fix.forward / fix.sigma[1]));
+            }
         }
+        self.moving += usize::from(moves);
     }
 
     /// The velocity that a sample of GNSS gives.
@@ -221,7 +228,9 @@ impl CourseAlignment {
     /// Sets the blocks of the process, if there are enough fixes.
     fn find(&mut self, layout: &Layout, state: &mut State, elapsed: f64) -> Option<()> {
         let first = self.first.filter(|_| self.moving >= FEWEST)?;
-        let fit = self.pairs.solve()?;
+        let [ahead, back] = self.pairs.map(|pairs| pairs.solve());
+        let ahead = ahead?;
+        let fit = back.filter(|back| back.residual + REVERSES < ahead.residual).unwrap_or(ahead);
         let n = &self.navigation;
         state.set(layout, n.attitude, &fit.rotation.to_rotation_matrix());
         let (velocity, position) = self.beginning(first, &fit.rotation);
