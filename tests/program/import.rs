@@ -108,7 +108,7 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
         (vec![path("unknown.csv")], "no sensor is recognised by its columns time_s, temperature_c"),
         (vec![path("timeless.csv")], "no column of the time"),
         (vec![path("empty.csv")], "the file is empty"),
-        (vec![path("local.csv")], "metres east and north of a point"),
+        (vec![path("imu.csv"), path("local.csv")], "metres east and north of a point"),
         (vec![path("axes.csv")], "name axes alone"),
         (vec![path("beams.csv")], "along the beams of a velocity log"),
         (vec![path("imu.csv"), path("earth.csv")], "no table has the positions of their receiver"),

@@ -62,8 +62,12 @@ segments = [
 pub type Recorded = BTreeMap<String, Vec<(i64, Vec<f64>)>>;
 
 fn record() -> Recorded {
+    simulated(CAR)
+}
+
+fn simulated(scenario: &str) -> Recorded {
     let registry = navfuse::standard_plugins();
-    let document = Document::parse("car.toml", CAR.to_owned()).expect("TOML");
+    let document = Document::parse("car.toml", scenario.to_owned()).expect("TOML");
     let scenario = Scenario::new(&registry, document, &[]).expect("a scenario");
     let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
     let mut recorded = Recorded::new();
@@ -94,16 +98,27 @@ fn reference(path: &Path, recorded: &Recorded, offset: i64) {
 /// Imports files and runs the scenario next to the reference: the largest error of navigation in sigma, or
 /// the message.
 fn run(files: &[PathBuf], reference: &Path) -> Result<f64, String> {
+    run_from(files, reference, None)
+}
+
+/// The scenario that `import` writes, with a position as the answer.
+fn import(files: &[PathBuf], position: Option<[f64; 3]>) -> Result<String, String> {
     let registry = navfuse::standard_plugins();
-    let place = reference.with_extension("toml");
-    let stop = AtomicBool::new(false);
-    let answers = Answers { name: "imported".to_owned(), ..Answers::default() };
-    let imported = navfuse_import::import(&registry, files, &place, &answers, &stop)
-        .map_err(|e| e.to_string())?
-        .expect("nobody stops it");
+    let answers = Answers { name: "imported".to_owned(), position, ..Answers::default() };
+    let (place, stop) = (Path::new("imported.toml"), AtomicBool::new(false));
+    let imported = navfuse_import::import(&registry, files, place, &answers, &stop);
+    Ok(imported.map_err(|e| e.to_string())?.expect("nobody stops it").scenario)
+}
+
+fn run_from(
+    files: &[PathBuf],
+    reference: &Path,
+    position: Option<[f64; 3]>,
+) -> Result<f64, String> {
+    let registry = navfuse::standard_plugins();
     let text = format!(
         "{}\n[sensor.reference]\n[source.csv.files.reference]\npath = {reference:?}\n",
-        imported.scenario
+        import(files, position)?
     );
     let document = Document::parse("imported.toml", text).map_err(|e| e.to_string())?;
     let scenario = Scenario::new(&registry, document, &[]).map_err(|e| e.to_string())?;
@@ -207,4 +222,51 @@ fn a_velocity_log_along_north_and_east_under_other_names_is_refused() {
         let error = run(&files, &folder.path().join("reference.csv")).expect_err("it is refused");
         assert!(error.contains(&format!("they are along {words}")), "{error}");
     }
+}
+
+/// The car reverses for 10 s before it drives ahead.
+const REVERSING: &str = r#"
+  { type = "static", duration = "2 s" },
+  { type = "surge", duration = "4 s", speed = "-3.5 m/s" },
+  { type = "cruise", duration = "6 s" },
+  { type = "surge", duration = "4 s", speed = "0 m/s" },
+"#;
+
+#[test]
+fn a_car_that_reverses_at_the_start_has_its_heading_by_positions_alone() {
+    let (before, after) = CAR.split_once("  { type = \"static\"").expect("the first segment");
+    let rest = after.split_once('\n').expect("the other segments").1;
+    let recorded = simulated(&format!("{before}{REVERSING}{rest}"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = folder.path().join("reference.csv");
+    reference(&truth, &recorded, 0);
+    let files = programs::mounted::positions_alone(&recorded, folder.path());
+    let sigma = run(&files, &truth).unwrap_or_else(|e| panic!("{e}"));
+    assert!(sigma < SIGMA, "{sigma}");
+}
+
+/// The latitude of the recording with the longitude of New York: both may be latitudes.
+#[test]
+fn a_longitude_that_may_be_a_latitude_is_found_before_it_without_headings() {
+    let mut recorded = record();
+    let west = (-74_f64 - 11.5).to_radians();
+    recorded.get_mut("gnss").expect("fixes").iter_mut().for_each(|(_, v)| v[1] += west);
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = programs::mounted::longitudes_first(&recorded, folder.path());
+    let scenario = import(&files, None).unwrap_or_else(|e| panic!("{e}"));
+    assert!(scenario.contains("headings = [\"time\", \"lon\", \"lat\", \"height\"]"), "{scenario}");
+}
+
+#[test]
+fn metres_from_a_point_need_this_point_and_run_with_it() {
+    let recorded = record();
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = folder.path().join("reference.csv");
+    reference(&truth, &recorded, 0);
+    let files = programs::mounted::from_a_point(&recorded, folder.path(), [48.1, 11.5, 500.0]);
+    let refused = run(&files, &truth).expect_err("no file has the point");
+    assert!(refused.contains("metres east and north of a point"), "{refused}");
+    let sigma =
+        run_from(&files, &truth, Some([48.1, 11.5, 500.0])).unwrap_or_else(|e| panic!("{e}"));
+    assert!(sigma < SIGMA, "{sigma}");
 }

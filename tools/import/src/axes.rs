@@ -29,6 +29,8 @@ const QUARTER: f64 = 0.35;
 /// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is
 /// taken: 1e5 : 1.
 const EVIDENT: f64 = 23.0;
+/// The same for the order of latitude and longitude that no heading gives: 1e2 : 1.
+const EITHER: f64 = 9.2;
 
 /// The turn about the vertical by which two vectors differ, rad, with its 1-sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -255,7 +257,7 @@ pub fn is_mirrored(
     let least = own.fold(f64::INFINITY, f64::min);
     let turns =
         turns(imu.as_they_are(), force, rows).zip(turns(imu.as_they_are(), force, &exchanged));
-    let against = turns.is_some_and(|(own, other)| other + EVIDENT < own);
+    let against = turns.is_some_and(|(own, other)| other + EITHER < own);
     [against, other.is_some_and(|(_, cost)| cost + EVIDENT < least)]
 }
 

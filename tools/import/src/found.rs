@@ -2,6 +2,9 @@
 
 use crate::class::FixClass;
 
+/// The place of a point in a key, from which positions of a table count, until an answer gives it.
+pub const ORIGIN: &str = "{ORIGIN}";
+
 /// A sensor that was found in a file.
 #[derive(Clone, Debug, Default)]
 pub struct Found {

@@ -121,6 +121,7 @@ pub fn import(
     let Some(mut recording) = Recording::recognise(files, answers.odometry, stop)? else {
         return Ok(None);
     };
+    recording.count_from(answers.position)?;
     let mut streams: Option<Vec<StreamSurvey>> = None;
     // again with what the samples showed, such as their axes
     let streams = loop {

@@ -1,12 +1,38 @@
 //! A sensor in several files: its channels in two of them, or its rows in one after another.
 
-use crate::found::Found;
+use crate::found::{Found, ORIGIN};
 use crate::recording::{Part, Reader, Recording};
 use crate::samples::Samples;
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
 
 impl Recording {
+    /// Writes the point from which positions of a table count.
+    ///
+    /// # Errors
+    /// When no answer gives it.
+    pub fn count_from(&mut self, position: Option<[f64; 3]>) -> Result<(), StreamError> {
+        let point = position.map(|[latitude, longitude, height]| {
+            format!(
+                "{{ latitude = \"{latitude} deg\", longitude = \"{longitude} deg\", height = \"{height} m\" }}"
+            )
+        });
+        for part in &mut self.parts {
+            for key in part.found.source.iter_mut().filter(|key| key.contains(ORIGIN)) {
+                let Some(point) = &point else {
+                    let text =
+                        "its positions are metres east and north of a point that no column names";
+                    return Err(StreamError::format(text).in_file(&part.file).with_remedy(
+                        "give this point with --position latitude,longitude,height, or name the zone of UTM \
+                         in a column `zone`",
+                    ));
+                };
+                *key = key.replace(ORIGIN, point);
+            }
+        }
+        Ok(())
+    }
+
     /// Makes one inertial unit of gyros and accelerometers in two files.
     pub fn join_halves(&mut self) {
         if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) {

@@ -11,10 +11,11 @@ use navfuse_core::model::stream::StreamError;
 
 /// Angle between the mean of the specific force and an axis, rad, that no vehicle keeps on average: 20 deg.
 const TILTED: f64 = 0.35;
-/// Turn about the vertical, rad, from which an IMU is not along the course: 5 deg.
-const TURNED: f64 = 0.087;
-/// Sigmas of a turn from which it is no chance, and from which the IMU is turned.
-const DOUBTED: f64 = 2.0;
+/// 1-sigma of what slopes, banks and springs do to such a turn, rad: 3 deg. A recorded drive shows 8 deg, with
+/// 1.6 deg by the scatter.
+const ROAD: f64 = 0.052;
+/// Sigmas of a turn from which it is doubted, and from which the IMU is turned.
+const DOUBTED: f64 = 1.5;
 const DETERMINED: f64 = 5.0;
 /// 1-sigma of the yaw of a unit that was levelled and of which no course shows the yaw, rad: 20 deg.
 const UNKNOWN: f64 = 0.35;
@@ -93,8 +94,8 @@ impl Recording {
     pub fn turn_freely(&mut self, streams: &[StreamSurvey]) -> bool {
         let course = find(streams, "gnss").and_then(|s| s.course);
         let turn = course.filter(|course| course.sense == Sense::Right).map(|course| course.turn);
-        let sigma = turn.map_or(UNKNOWN, |turn| turn.sigma);
-        let turn = turn.filter(|turn| turn.angle.abs() > DOUBTED * turn.sigma);
+        let sigma = turn.map_or(UNKNOWN, |turn| turn.sigma.hypot(ROAD));
+        let turn = turn.filter(|turn| turn.angle.abs() > DOUBTED * sigma);
         if self.turned_freely || self.moves_sideways() || (turn.is_none() && !self.tilted) {
             return false;
         }
@@ -103,16 +104,16 @@ impl Recording {
             self.doubt_yaw(sigma);
             return true;
         };
-        let large = turn.angle.abs() > TURNED.max(DETERMINED * turn.sigma);
+        let large = turn.angle.abs() > DETERMINED * sigma;
         let rotation = about_down(turn.angle);
         let turned = large && self.turnable().is_some_and(|part| part.rotate(&rotation));
-        self.doubt_yaw(if turned { turn.sigma } else { turn.sigma.hypot(turn.angle) });
+        self.doubt_yaw(if turned { sigma } else { sigma.hypot(turn.angle) });
         let kept = ", which is too uncertain or too small: it stays, as an error of the mounting";
         let text = format!(
             "the course of the receiver fits its accelerations after a turn by {:.1} deg about down, \
              sigma {:.1} deg{}",
             turn.angle.to_degrees(),
-            turn.sigma.to_degrees(),
+            sigma.to_degrees(),
             if turned { "" } else { kept }
         );
         self.notes.push(format!("imu: {text}"));

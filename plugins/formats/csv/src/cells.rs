@@ -2,7 +2,7 @@
 
 use crate::config::{Column, FileConfig, Notation};
 use crate::headings::Wanted;
-use crate::map::Zone;
+use crate::map::{Local, Map, Zone};
 use crate::stamp::TimeCell;
 use csv::ByteRecord;
 use nalgebra::Vector3;
@@ -29,8 +29,8 @@ pub struct ChannelCell {
     course: Option<usize>,
     /// Column that is added.
     plus: Option<usize>,
-    /// Column of the northing of a position on a map, and its zone.
-    map: Option<(usize, Zone)>,
+    /// Column of the northing of a position on a map.
+    map: Option<(usize, Map)>,
     /// Pressure at the surface, Pa, and pascals of one metre of water, for a depth from a pressure.
     pressure: Option<[f64; 2]>,
 }
@@ -55,10 +55,17 @@ impl ChannelCell {
             text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
         };
         let number = |k: usize| parsed(cell(k));
-        if let Some((north, zone)) = self.map {
-            let place = zone.position([number(0), parsed(text(north))]);
-            // zero is a receiver without a fix
-            return Some(if number(0) == 0.0 { f64::NAN } else { place[self.axis] });
+        if let Some((north, map)) = self.map {
+            let [east, north] = [number(0), parsed(text(north))];
+            return Some(match map {
+                // zero is a receiver without a fix
+                Map::Utm(_) if east == 0.0 => f64::NAN,
+                Map::Utm(zone) => zone.position([east, north])[self.axis.min(1)],
+                Map::Local(local, up) => {
+                    let up = up.map_or(0.0, |column| parsed(text(column)));
+                    local.position([east, north, up])[self.axis]
+                }
+            });
         }
         let number = match self.notation {
             Notation::Decimal => {
@@ -174,7 +181,9 @@ pub fn channel_cells(
         let notation = given.map_or_else(Notation::default, |g| g.notation);
         let earth_fixed = notation == Notation::EarthFixed;
         let zone = given.and_then(|g| g.zone.as_deref());
-        let unit = unit.or((earth_fixed || zone.is_some()).then_some(c.unit));
+        let origin = given.and_then(|g| g.origin.as_ref());
+        let mapped = earth_fixed || zone.is_some() || origin.is_some();
+        let unit = unit.or(mapped.then_some(c.unit));
         let wanted = Wanted { name, si, column, unit, key: &key, others: &others };
         let last = channel + 1 == info.channels.len();
         let input = info.purpose == Purpose::Input && !part;
@@ -187,15 +196,15 @@ pub fn channel_cells(
         let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
         let place = |names: &[&str]| names.iter().position(|name| *name == &*c.name);
         let course = given.and_then(|g| g.course.as_ref());
-        let axis = match (earth_fixed, course) {
+        let axis = match course {
             _ if zone.is_some() => place(&POSITION[..2]),
-            (true, _) => place(&POSITION),
-            (false, Some(_)) => place(&COURSE),
-            (false, None) => Some(0),
+            _ if earth_fixed || origin.is_some() => place(&POSITION),
+            Some(_) => place(&COURSE),
+            None => Some(0),
         };
         let Some(axis) = axis else {
-            let message = "lat, lon and height may be earth-fixed, lat and lon have a zone, vel_n and \
-                           vel_e a course";
+            let message = "lat, lon and height may be earth-fixed or have an origin, lat and lon a zone, \
+                           vel_n and vel_e a course";
             return Err(StreamError::scenario(format!("{key}: {message}")));
         };
         let index = |heading: &String| {
@@ -205,11 +214,17 @@ pub fn channel_cells(
         let course = course.map(index).transpose()?;
         let north = given.and_then(|g| g.north.as_ref()).map(index).transpose()?;
         let plus = given.and_then(|g| g.plus.as_ref()).map(index).transpose()?;
-        let unknown = || format!("{key}: a zone such as \"32N\" needs `north`, and `north` a zone");
-        let zone = zone.map(Zone::parse);
-        let map = match (north, zone) {
-            (None, None) => None,
-            (Some(north), Some(Some(zone))) => Some((north, zone)),
+        let up = given.and_then(|g| g.up.as_ref()).map(index).transpose()?;
+        let unknown = || {
+            format!(
+                "{key}: a zone such as \"32N\" or an origin needs `north`, `north` one of both, and `up` \
+                 an origin"
+            )
+        };
+        let map = match (north, zone.map(Zone::parse), origin) {
+            (None, None, None) if up.is_none() => None,
+            (Some(north), Some(Some(zone)), None) if up.is_none() => Some((north, Map::Utm(zone))),
+            (Some(north), None, Some(origin)) => Some((north, Map::Local(Local::new(origin), up))),
             _ => return Err(StreamError::scenario(unknown())),
         };
         let (column, unit) = (found.index, found.unit);

@@ -1,7 +1,7 @@
 //! The parameters of the source.
 
 use navfuse_core::units::{
-    Angle, Date, Density, Duration, Pressure, Ratio, Triple, Unit, parse_unit,
+    Angle, Date, Density, Duration, Length, Pressure, Ratio, Triple, Unit, parse_unit,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -169,6 +169,12 @@ pub struct Column {
     pub zone: Option<String>,
     /// Heading of the column with the northing in m, beside an easting. Default: none.
     pub north: Option<String>,
+    /// Heading of the column with the height in m above the plane of `origin`, beside an easting and a
+    /// northing from there. Default: none.
+    pub up: Option<String>,
+    /// The point from which easting, northing and `up` count, along its own east, north and up, for `lat`,
+    /// `lon` and `height`. Default: none.
+    pub origin: Option<Point>,
     /// Pressure at the surface, for a depth from a column of a pressure. Default: 101325 Pa where
     /// the unit of the column is one of a pressure.
     pub atmosphere: Option<Pressure>,
@@ -183,6 +189,18 @@ pub struct Column {
     /// `earth-fixed`.
     #[serde(default)]
     pub notation: Notation,
+}
+
+/// A point on the Earth.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    /// Latitude.
+    pub latitude: Angle,
+    /// Longitude.
+    pub longitude: Angle,
+    /// Height above the ellipsoid.
+    pub height: Length,
 }
 
 /// The notation of a position.

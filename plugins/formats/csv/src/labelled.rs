@@ -149,8 +149,8 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
 struct Records<R> {
     file: BufReader<Chain<Cursor<Vec<u8>>, R>>,
     record: Vec<u8>,
-    /// The first line of the next record of YAML; `None` for another form.
-    ahead: Option<Vec<u8>>,
+    /// The parts of YAML; `None` for another form.
+    yaml: Option<yaml::Parts>,
 }
 
 impl<R: Read> Records<R> {
@@ -158,15 +158,15 @@ impl<R: Read> Records<R> {
         let mut beginning = Vec::new();
         // a file that cannot be read fails again at the first record
         let _ = (&mut file).take(BEGINNING).read_to_end(&mut beginning);
-        let yaml = yaml::is_yaml(&String::from_utf8_lossy(&beginning));
+        let yaml = yaml::Parts::of(&String::from_utf8_lossy(&beginning));
         let file = BufReader::new(Cursor::new(beginning).chain(file));
-        Self { file, record: Vec::new(), ahead: yaml.then(Vec::new) }
+        Self { file, record: Vec::new(), yaml }
     }
 
     /// Reads the next record; `false` at the end.
     fn advance(&mut self) -> Result<bool> {
-        match &mut self.ahead {
-            Some(ahead) => yaml::next(&mut self.file, &mut self.record, ahead),
+        match &mut self.yaml {
+            Some(parts) => parts.next(&mut self.file, &mut self.record),
             None => next(&mut self.file, &mut self.record),
         }
     }
@@ -174,7 +174,7 @@ impl<R: Read> Records<R> {
     /// Calls `found` with the path and the text of each value of the record.
     fn values(&self, found: impl FnMut(&str, &str)) {
         let record = String::from_utf8_lossy(&self.record);
-        match &self.ahead {
+        match &self.yaml {
             Some(_) => yaml::values(&record, found),
             None if record.starts_with('{') => object(&record, found),
             None => line(&record, found),

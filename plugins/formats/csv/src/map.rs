@@ -1,14 +1,49 @@
-//! Positions on a map: easting and northing of UTM.
+//! Positions on a map: easting and northing of UTM, or from a point.
 //!
-//! Karney, *Transverse Mercator with an accuracy of a few nanometers*, J. Geodesy 85 (2011), equations 11, 15
+//! UTM: Karney, *Transverse Mercator with an accuracy of a few nanometers*, J. Geodesy 85 (2011), equations 11, 15
 //! and 36, to the third order of the third flattening: within a millimetre in a zone.
 
-use navfuse_core::state::geodesy::{EQUATORIAL_RADIUS, FLATTENING};
+use crate::config::Point;
+use nalgebra::{Matrix3, Vector3};
+use navfuse_core::state::geodesy::{EQUATORIAL_RADIUS, FLATTENING, Geodetic};
 
 /// Scale on the central meridian, easting of it, and northing of the equator in the south, m.
 const SCALE: f64 = 0.9996;
 const EASTING: f64 = 500_000.0;
 const SOUTH: f64 = 10_000_000.0;
+
+/// A map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Map {
+    Utm(Zone),
+    /// With the column of the height above the plane.
+    Local(Local, Option<usize>),
+}
+
+/// The plane through a point along its east, north and up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Local {
+    point: Vector3<f64>,
+    /// East, north and up along Earth-fixed axes, by column.
+    axes: Matrix3<f64>,
+}
+
+impl Local {
+    /// The plane through a point.
+    pub fn new(origin: &Point) -> Self {
+        let [latitude, longitude] = [origin.latitude.si(), origin.longitude.si()];
+        let ((sin, cos), (s, c)) = (latitude.sin_cos(), longitude.sin_cos());
+        let axes = Matrix3::new(-s, -sin * c, cos * c, c, -sin * s, cos * s, 0.0, cos, sin);
+        let point = Geodetic { latitude, longitude, height: origin.height.si() }.earth_fixed();
+        Self { point, axes }
+    }
+
+    /// Latitude and longitude, rad, and height, m, of east, north and up, m.
+    pub fn position(&self, enu: [f64; 3]) -> [f64; 3] {
+        let place = Geodetic::from_earth_fixed(&(self.point + self.axes * Vector3::from(enu)));
+        [place.latitude, place.longitude, place.height]
+    }
+}
 
 /// A zone of UTM.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +99,41 @@ impl Zone {
 
 #[cfg(test)]
 mod tests {
-    use super::Zone;
+    use super::{Local, Zone};
+    use crate::config::Point;
+    use navfuse_core::units::{Angle, Length};
+
+    /// By pymap3d 3.2.0: `enu2geodetic(e, n, u, lat, lon, h)`.
+    #[test]
+    fn metres_from_a_point_are_latitude_longitude_and_height() {
+        for (origin, enu, place) in [
+            (
+                [48.1, 11.5, 500.0],
+                [1234.5, -987.6, 12.3],
+                [48.0911176001, 11.5165705088, 512.4957806921],
+            ),
+            (
+                [-33.9, 18.4, -20.0],
+                [-40000.0, 25000.0, -150.0],
+                [-33.6738518437, 17.9686659729, 4.4739071938],
+            ),
+            (
+                [0.0, -179.999, 0.0],
+                [-500.0, 300.0, 7.0],
+                [0.0027131054, 179.9965084285, 7.0267010708],
+            ),
+        ] {
+            let [latitude, longitude] =
+                [origin[0], origin[1]].map(|a: f64| Angle::from_si(a.to_radians()));
+            let origin = Point { latitude, longitude, height: Length::from_si(origin[2]) };
+            let found = Local::new(&origin).position(enu);
+            // ten digits of a degree are 1e-5 m
+            for (k, scale) in [6.4e6, 6.4e6, 1.0].into_iter().enumerate() {
+                let known = if k < 2 { f64::to_radians(place[k]) } else { place[k] };
+                assert!((found[k] - known).abs() * scale < 2e-5, "{found:?} {place:?}");
+            }
+        }
+    }
 
     #[test]
     fn eastings_and_northings_of_proj_are_their_latitudes_and_longitudes() {

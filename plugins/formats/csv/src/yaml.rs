@@ -24,37 +24,47 @@ fn is_line(line: &str) -> bool {
     text == "---" || text.starts_with('#') || keyed || text.starts_with("- ")
 }
 
-/// Tests whether a line begins another record.
-fn begins(line: &str) -> bool {
-    line.starts_with("- ") || line.trim_end() == "---"
+/// The records of a text: elements of a list, or documents.
+pub struct Parts {
+    documents: bool,
+    /// The line that begins the next record.
+    ahead: Vec<u8>,
 }
 
-/// Tests whether a text is YAML: nearly all lines are keys, and it is a list, or has several documents.
-pub fn is_yaml(text: &str) -> bool {
-    let lines = || text.lines().filter(|line| !line.trim().is_empty()).take(LINES);
-    let count = lines().count();
-    let structured = lines().filter(|line| begins(line)).count();
-    let fits = lines().filter(|line| is_line(line)).count() as f64;
-    structured > 0 && count > 3 && fits >= SHARE * count as f64
-}
+impl Parts {
+    /// The records of a text that is YAML: nearly all lines are keys, and it is a list, or has several
+    /// documents.
+    pub fn of(text: &str) -> Option<Self> {
+        let lines = || text.lines().filter(|line| !line.trim().is_empty()).take(LINES);
+        let count = lines().count();
+        let documents = lines().any(|line| line.trim_end() == "---");
+        let structured = documents || lines().any(|line| line.starts_with("- "));
+        let fits = lines().filter(|line| is_line(line)).count() as f64;
+        let yaml = structured && count > 3 && fits >= SHARE * count as f64;
+        yaml.then(|| Self { documents, ahead: Vec::new() })
+    }
 
-/// Reads the next record; `false` at the end. `ahead` holds the line that begins the record after it.
-pub fn next(file: &mut impl BufRead, record: &mut Vec<u8>, ahead: &mut Vec<u8>) -> Result<bool> {
-    record.clear();
-    record.append(ahead);
-    loop {
-        let length = file.by_ref().take(PIECE).read_until(b'\n', ahead)?;
-        let line = std::str::from_utf8(ahead).unwrap_or_default();
-        if line.trim_start().starts_with('#') {
-            ahead.clear();
-            continue;
+    fn begins(&self) -> bool {
+        self.ahead.starts_with(if self.documents { b"---" } else { b"- " })
+    }
+
+    /// Reads the next record; `false` at the end.
+    pub fn next(&mut self, file: &mut impl BufRead, record: &mut Vec<u8>) -> Result<bool> {
+        record.clear();
+        record.append(&mut self.ahead);
+        loop {
+            let length = file.by_ref().take(PIECE).read_until(b'\n', &mut self.ahead)?;
+            if self.ahead.trim_ascii_start().starts_with(b"#") {
+                self.ahead.clear();
+                continue;
+            }
+            let filled = || record.iter().any(|b| !b.is_ascii_whitespace() && *b != b'-');
+            if length == 0 || (self.begins() && filled()) {
+                return Ok(length > 0 || filled());
+            }
+            record.append(&mut self.ahead);
+            bounded(record.len())?;
         }
-        let filled = || record.iter().any(|b| !b.is_ascii_whitespace() && *b != b'-');
-        if length == 0 || (begins(line) && filled()) {
-            return Ok(length > 0 || filled());
-        }
-        record.append(ahead);
-        bounded(record.len())?;
     }
 }
 
@@ -183,6 +193,10 @@ fn flow(path: &mut String, text: &str, depth: usize, found: &mut impl FnMut(&str
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn is_yaml(text: &str) -> bool {
+        Parts::of(text).is_some()
+    }
 
     #[test]
     fn lists_and_documents_are_yaml_and_tables_are_not() {

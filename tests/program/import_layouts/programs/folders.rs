@@ -3,7 +3,7 @@
 use super::*;
 
 /// The programs.
-pub const PROGRAMS: [Program; 10] = [
+pub const PROGRAMS: [Program; 11] = [
     Program {
         name: "phyphox, a folder with a file for each instrument",
         write: |recorded, folder| {
@@ -227,6 +227,40 @@ pub const PROGRAMS: [Program; 10] = [
             lines.sort();
             let text: String = lines.into_iter().map(|(_, line)| line).collect();
             Written { given: vec![put(folder, "log.txt", &text)], offset: 0 }
+        },
+    },
+    Program {
+        name: "KAIST complex urban, tables without headings whose stamps are nanoseconds",
+        write: |recorded, folder| {
+            let lines = |sensor: &str, line: &dyn Fn(&Row) -> String| {
+                recorded[sensor].iter().map(|row| line(row) + "\n").collect::<String>()
+            };
+            let imu = lines("imu", &|(t, v)| {
+                let s = 1e-9 * *t as f64;
+                let (sin, cos) = (0.3 + 0.01 * s).sin_cos();
+                let tilt = [0.01 * (2.3 * s).sin(), 0.02 * (1.7 * s).cos()];
+                let attitude = [0.0, 0.0, sin, cos, tilt[0], tilt[1], 2.0 * sin.atan2(cos)];
+                let magnet = [0.31 * cos + tilt[0], 0.29 * sin - tilt[1], -0.62];
+                let parts = [&attitude[..], &flu(v), &magnet].concat();
+                format!("{},{}", t + DATE, cells(parts))
+            });
+            put(folder, "sensor_data/xsens_imu.csv", &imu);
+            let fixes = lines("gnss", &|(t, v)| {
+                format!("{},{},2.25,0,0,0,2.25,0,0,0,6.25", t + DATE, position(v))
+            });
+            put(folder, "sensor_data/gps.csv", &fixes);
+            let wheels = lines("imu", &|(t, _)| {
+                let way = t / 4_000_000;
+                format!("{},{},{}", t + DATE, 5_000 + way, 7_000 + way)
+            });
+            put(folder, "sensor_data/encoder.csv", &wheels);
+            let fibre = lines("imu", &|(t, v)| {
+                format!("{},{}", t + DATE, cells(v[..3].iter().map(|w| w * 0.01)))
+            });
+            put(folder, "sensor_data/fog.csv", &fibre);
+            let air = lines("gnss", &|(t, v)| format!("{},{:.2}", t + DATE, v[2] - 3.0));
+            put(folder, "sensor_data/altimeter.csv", &air);
+            Written { given: vec![folder.to_owned()], offset: DATE }
         },
     },
 ];

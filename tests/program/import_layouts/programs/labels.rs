@@ -3,7 +3,7 @@
 use super::*;
 
 /// The programs.
-pub const PROGRAMS: [Program; 6] = [
+pub const PROGRAMS: [Program; 8] = [
     Program {
         name: "JSON, an object in each line, of several kinds",
         write: |recorded, folder| {
@@ -89,6 +89,41 @@ pub const PROGRAMS: [Program; 6] = [
                 format!("{},{a},{b},{c:.5},{d},{e},{f:.5},{:.3}", seconds(*t), v[2])
             });
             fixes_of(recorded, folder, &text, 0)
+        },
+    },
+    Program {
+        name: "a list of YAML",
+        write: |recorded, folder| {
+            let record = |(t, v): &Row| {
+                let [rate, force] = [&v[..3], &v[3..]].map(|v| cells(v.iter().copied()));
+                format!("- time: {}\n  gyro: [{rate}]\n  accel: [{force}]\n", seconds(*t))
+            };
+            let text: String = recorded["imu"].iter().map(record).collect();
+            imu_of(recorded, folder, &text, 0)
+        },
+    },
+    Program {
+        name: "documents of YAML, as `ros2 topic echo` writes them",
+        write: |recorded, folder| {
+            let vector = |name: &str, v: &[f64]| {
+                format!("{name}:\n  x: {:.7}\n  y: {:.7}\n  z: {:.7}\n", v[0], v[1], v[2])
+            };
+            let document = |(t, v): &Row| {
+                let (v, t) = (flu(v), t + DATE);
+                let stamp = [t / 1_000_000_000, t % 1_000_000_000];
+                let header = format!(
+                    "header:\n  stamp:\n    sec: {}\n    nanosec: {}\n  frame_id: imu\n",
+                    stamp[0], stamp[1]
+                );
+                let turn = "orientation_covariance:\n- -1.0\n- 0.0\n".to_owned();
+                header
+                    + &turn
+                    + &vector("angular_velocity", &v[..3])
+                    + &vector("linear_acceleration", &v[3..])
+                    + "---\n"
+            };
+            let text: String = recorded["imu"].iter().map(document).collect();
+            imu_of(recorded, folder, &text, DATE)
         },
     },
 ];

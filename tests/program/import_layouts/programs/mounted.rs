@@ -31,15 +31,42 @@ fn longitude_first(v: &[f64]) -> String {
     format!("{:.9} {:.9} {:.3}", v[1].to_degrees(), v[0].to_degrees(), v[2])
 }
 
+/// The recording with a table of positions alone.
+pub fn positions_alone(recorded: &Recorded, folder: &Path) -> Vec<PathBuf> {
+    let text = table("time,latitude,longitude,altitude", &recorded["gnss"], |(t, v)| {
+        format!("{},{}", seconds(*t), position(v))
+    });
+    fixes_of(recorded, folder, &text, 0).given
+}
+
+/// The recording with a table of positions without headings, longitude first.
+pub fn longitudes_first(recorded: &Recorded, folder: &Path) -> Vec<PathBuf> {
+    let line = |(t, v): &Row| format!("{} {}\n", seconds(*t), longitude_first(v));
+    fixes_of(recorded, folder, &recorded["gnss"].iter().map(line).collect::<String>(), 0).given
+}
+
+/// The recording with positions in metres east, north and up of a point, deg and m.
+pub fn from_a_point(recorded: &Recorded, folder: &Path, point: [f64; 3]) -> Vec<PathBuf> {
+    let [latitude, longitude] = [point[0], point[1]].map(f64::to_radians);
+    let origin = Geodetic { latitude, longitude, height: point[2] };
+    let (sin, cos) = latitude.sin_cos();
+    let (s, c) = longitude.sin_cos();
+    let text = table("time,east [m],north [m],up [m]", &recorded["gnss"], |(t, v)| {
+        let place = Geodetic { latitude: v[0], longitude: v[1], height: v[2] };
+        let d = place.earth_fixed() - origin.earth_fixed();
+        let east = c * d.y - s * d.x;
+        let out = c * d.x + s * d.y;
+        let [north, up] = [cos * d.z - sin * out, sin * d.z + cos * out];
+        format!("{},{east:.4},{north:.4},{up:.4}", seconds(*t))
+    });
+    fixes_of(recorded, folder, &text, 0).given
+}
+
 /// The programs.
 pub const PROGRAMS: [Program; 7] = [
     Program {
         name: "no headings, longitude before latitude",
-        write: |recorded, folder| {
-            let line = |(t, v): &Row| format!("{} {}\n", seconds(*t), longitude_first(v));
-            let text: String = recorded["gnss"].iter().map(line).collect();
-            fixes_of(recorded, folder, &text, 0)
-        },
+        write: |recorded, folder| Written { given: longitudes_first(recorded, folder), offset: 0 },
     },
     Program {
         name: "no headings, longitude before latitude, with the velocity",

@@ -126,8 +126,8 @@ impl<'a> Table<'a> {
         } else if half {
             sensors.push(self.half(&clock)?);
         }
-        let map = !self.has(&["lat", "lon"]) && !self.has(&ECEF) && self.on_map().is_some();
-        let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map;
+        let map = || self.on_map().or_else(|| self.beside_point()).is_some();
+        let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map();
         if self.has(&BODY) && !place {
             sensors.push(self.other("dvl", &BODY));
         }
@@ -242,7 +242,8 @@ impl<'a> Table<'a> {
         let (mut source, mut questions) = (Vec::new(), Vec::new());
         if channels.contains(&"lat") && !self.has(&["lat"]) {
             source.extend(self.earth_fixed());
-            let map = self.on_map().filter(|_| source.is_empty());
+            let map = || self.on_map().or_else(|| self.beside_point());
+            let map = source.is_empty().then(map).flatten();
             map.into_iter().for_each(|(keys, question)| {
                 source.extend(keys);
                 questions.push(question);
@@ -279,6 +280,7 @@ impl<'a> Table<'a> {
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
+                (None, "height") if source.iter().any(|key| key.starts_with("columns.height")) => {}
                 (Some((_, scale, _)), "height") if *scale != 1.0 && stated.is_none() => {
                     let (unit, scale, minutes) = ("mm".to_owned(), meaning.sign, false);
                     let more = String::new();

@@ -86,7 +86,8 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         // its distance from gravity: angles may have a norm near one by chance
         let per = if increments { step } else { 1.0 };
         let size = middle / per * units::factor(&decided.unit);
-        Some((increments, (size / units::GRAVITY).ln().abs()))
+        let plain = decided.unit == "m/s^2";
+        Some((increments, (size / units::GRAVITY).ln().abs(), plain))
     };
     let mut names: Vec<String> = (1..=width).map(|k| format!("column_{k}")).collect();
     match nanos {
@@ -101,8 +102,10 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         }
     };
     let forces = || triples().filter_map(|k| Some((k, gravity(k)?)));
-    let near = forces().find(|(_, (_, distance))| *distance < NEAR);
-    let inertial = near.or_else(|| forces().next()).map(|(k, (increments, _))| (k, increments));
+    // a heading near 1 rad has the norm of a force in g, but few numbers have the norm of one in m/s^2
+    let near = || forces().filter(|(_, (_, distance, _))| *distance < NEAR);
+    let plain = near().find(|(_, (.., plain))| *plain).or_else(|| near().next());
+    let inertial = plain.or_else(|| forces().next()).map(|(k, (increments, ..))| (k, increments));
     let usual = if inertial.is_some() { units::IMU_INTERVAL } else { units::AID_INTERVAL };
     let unit = units::factor(&units::time(&columns[time], usual)?.unit);
     let seconds: Vec<f64> = columns[time].iter().map(|t| t * unit).collect();

@@ -1,8 +1,9 @@
-//! Positions on a map, with the zone in a column or in a heading.
+//! Positions on a map, with the zone in a column or in a heading, or from a point that an answer gives.
 
 use super::columns::Table;
 use super::units::median;
 use super::vocabulary::words;
+use crate::found::ORIGIN;
 use navfuse_core::document::quoted;
 
 /// Words for easting and northing; letters alone beside `utm`.
@@ -12,6 +13,10 @@ const LETTERS: [[&str; 2]; 2] = [["e", "x"], ["n", "y"]];
 /// Words for the columns of the zone and of its hemisphere.
 const ZONE: [&str; 3] = ["zone", "zonenumber", "zoneno"];
 const SIDE: [&str; 5] = ["hemisphere", "band", "zoneletter", "letter", "latband"];
+/// Words for the height above a point.
+const UP: [&str; 5] = ["up", "u", "height", "altitude", "alt"];
+/// Metres, from which coordinates are no velocities.
+const FAR: f64 = 30.0;
 /// Eastings within a zone, m: other numbers count from a point of their own.
 const WITHIN: std::ops::RangeInclusive<f64> = 1e5..=9e5;
 
@@ -50,6 +55,45 @@ impl Table<'_> {
         };
         let question = format!("{from} and {up} are taken for UTM in the zone {zone}, WGS-84");
         Some((["lat", "lon"].map(key).to_vec(), question))
+    }
+
+    /// The keys of a position east, north and up of a point, which an answer gives.
+    pub(super) fn beside_point(&self) -> Option<(Vec<String>, String)> {
+        let [east, north] = self.local().filter(|_| self.easting_and_northing().is_none())?;
+        let named = |h: &&String| words(h).first().is_some_and(|w| UP.contains(&w.as_str()));
+        let up = self.layout.headings.iter().find(named);
+        let channels: &[&str] =
+            if up.is_some() { &["lat", "lon", "height"] } else { &["lat", "lon"] };
+        let more = up.map_or_else(String::new, |up| format!(", up = {}", quoted(up)));
+        let [from, to] = [east, north].map(|k| quoted(self.heading(k)));
+        let key = |channel: &&str| {
+            format!(
+                "columns.{channel} = {{ column = {from}, north = {to}{more}, origin = {ORIGIN} }}"
+            )
+        };
+        let question =
+            format!("{from} and {to} are taken for metres east and north of the position given");
+        Some((channels.iter().map(key).collect(), question))
+    }
+
+    /// The columns of coordinates east and north of a point.
+    fn local(&self) -> Option<[usize; 2]> {
+        let column = |names: [&str; 4], letter: &str| {
+            self.layout.headings.iter().position(|heading| {
+                let words = words(heading.split(['[', '(']).next().unwrap_or_default());
+                let alone = words.len() == 1 || words.get(1).is_some_and(|unit| unit == "m");
+                let word = words.first().map(String::as_str).unwrap_or_default();
+                names.contains(&word) || (alone && word == letter)
+            })
+        };
+        let [east, north] = [column(EAST, "e")?, column(NORTH, "n")?];
+        let far = |k: usize| {
+            let values = self.layout.column(k);
+            let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
+            median(values.iter().map(|v| v.abs())) > FAR
+                || values.iter().any(|v| (v - first).abs() > FAR)
+        };
+        (far(east) || far(north)).then_some([east, north])
     }
 
     /// The columns of easting and northing.

@@ -185,7 +185,8 @@ fn positions_without_velocity_align_a_car_that_drives_ahead_or_reverses() {
         let (begin, (sin, cos)) = (state.time, HEADING.sin_cos());
         let found = (1..=1_000_i64).find(|k| {
             let time = begin + Span::from_nanos(k * 20_000_000);
-            let driving = Sample::new(time, SensorId(0), &[0.0, 0.0, 0.0, sense * 0.5, 0.0, -gravity]);
+            let driving =
+                Sample::new(time, SensorId(0), &[0.0, 0.0, 0.0, sense * 0.5, 0.0, -gravity]);
             search.search(layout, &mut state, &driving).unwrap();
             let t = time.since(begin);
             let (way, speed) = (sense * (3.0 * t + 0.25 * t * t), sense * (3.0 + 0.5 * t));
