@@ -170,11 +170,10 @@ fn a_car_that_drives_along_a_bend_is_aligned() {
 
 /// A car accelerates from 3 m/s by 0.5 m/s^2 on a straight road; its fixes begin after 0.4 s. The
 /// mean velocity between two positions is exact for a constant acceleration, the trapezoids of
-/// 20 ms are off by 1e-5 m/s. In reverse the accelerations show that the course is opposite to the heading:
-/// ahead they would be wrong by up to 10 m/s, 14 times the error of a velocity.
+/// 20 ms are off by 1e-5 m/s.
 #[test]
-fn positions_without_velocity_align_a_car_that_drives_ahead_or_reverses() {
-    for (vertical, sense) in [(false, 1.0), (true, 1.0), (false, -1.0), (true, -1.0)] {
+fn positions_without_velocity_align_a_car() {
+    for vertical in [false, true] {
         let bench = Bench::with(RECEIVERS, &[]);
         let (layout, mut state) = (&*bench.composition.layout, bench.state());
         let mut search = search_with(&bench, &json!({}), (0.0, 0.0));
@@ -185,11 +184,10 @@ fn positions_without_velocity_align_a_car_that_drives_ahead_or_reverses() {
         let (begin, (sin, cos)) = (state.time, HEADING.sin_cos());
         let found = (1..=1_000_i64).find(|k| {
             let time = begin + Span::from_nanos(k * 20_000_000);
-            let driving =
-                Sample::new(time, SensorId(0), &[0.0, 0.0, 0.0, sense * 0.5, 0.0, -gravity]);
+            let driving = Sample::new(time, SensorId(0), &[0.0, 0.0, 0.0, 0.5, 0.0, -gravity]);
             search.search(layout, &mut state, &driving).unwrap();
             let t = time.since(begin);
-            let (way, speed) = (sense * (3.0 * t + 0.25 * t * t), sense * (3.0 + 0.5 * t));
+            let (way, speed) = (3.0 * t + 0.25 * t * t, 3.0 + 0.5 * t);
             let at = place.displaced(&Vector3::new(way * cos, way * sin, 0.0));
             let mut fix = Sample::empty(time, SensorId(1));
             let channels = [at.latitude, at.longitude, at.height, speed * cos, speed * sin];
