@@ -154,6 +154,18 @@ fn a_viewer_that_no_longer_answers_does_not_hold_the_run() {
 }
 
 #[test]
+fn a_viewer_that_is_closed_does_not_hold_the_run() {
+    let viewer = TcpListener::bind("127.0.0.1:0").unwrap();
+    let connect = format!("sink.rerun.connect=\"{}\"", viewer.local_addr().unwrap());
+    // it closes every connection
+    std::thread::spawn(move || viewer.incoming().for_each(drop));
+    let result =
+        Desk::new(STDIN).pass(&dive().sentences, &["--speed", "inf", "--set", connect.as_str()]);
+    assert_eq!(result["states"], dive().states);
+    assert!(result["paths"].to_string().contains("run.mcap"), "{result}");
+}
+
+#[test]
 fn samples_that_arrive_in_another_order_give_the_same_estimates() {
     // each measurement comes after up to 0.8 s of newer samples
     let mut lines: Vec<_> = sentences().enumerate().collect();
