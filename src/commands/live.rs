@@ -132,7 +132,7 @@ pub fn live(registry: &Registry, arguments: &Live) -> Result<ExitCode> {
     shown.screen = None;
     let finished = finished?;
     let text = arguments.format == Format::Text;
-    print(&finished, &shown.warnings.others(&finished.events), text)?;
+    print(&finished, &shown.warnings.others(&finished.events), None, text)?;
     if text {
         let [median, most, largest] = shown.last.latency_ms;
         line(format_args!(

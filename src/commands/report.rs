@@ -3,6 +3,7 @@
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
 use crate::execution::input::{document, document_of, has_extension, runs_folder};
+use crate::execution::sensitivity::sensitivity;
 use crate::output;
 use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
@@ -39,6 +40,10 @@ pub struct Report {
     /// Change a value of the scenario; may be given again
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
+    /// Add what the result would move by if each thing that the scenario does not model had its usual
+    /// size; some 20 further runs
+    #[arg(long)]
+    pub sensitivity: bool,
 }
 
 /// The content of a page, and the folder that it is written to by default.
@@ -85,7 +90,12 @@ fn of_scenario(
     let document = document(&arguments.of)?;
     let tracker = Box::new(TrackerSink::new(EVERY));
     let sinks = vec![("observability".to_owned(), tracker as _)];
-    let (history, end, mut finished) = run(registry, document, &arguments.set, sinks, stop, bar)?;
+    let copy = document.clone();
+    let (mut history, end, mut finished) =
+        run(registry, document, &arguments.set, sinks, stop, bar)?;
+    if arguments.sensitivity && end == End::Whole {
+        history.sensitivity = Some(sensitivity(registry, copy, &arguments.set, None, stop, bar)?);
+    }
     let whole = end != End::Interrupted;
     let observed = whole.then(|| observability(&history.name, &mut finished)).flatten();
     let folder = runs_folder(&history.name);
@@ -106,7 +116,7 @@ fn of_log(
     }
     let log = &arguments.of;
     let mut history = navfuse_report::read_log(log, |read| bar.log(read))?;
-    let observed = filter_again(registry, log, &mut history, stop, bar)?;
+    let observed = filter_again(registry, arguments, &mut history, stop, bar)?;
     let folder = log.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     Ok(Content { history, observed, folder, end: End::Whole })
 }
@@ -116,16 +126,16 @@ fn of_log(
 /// verdict to the history of a log that holds none.
 fn filter_again(
     registry: &Registry,
-    log: &Path,
+    arguments: &Report,
     history: &mut RunHistory,
     stop: &AtomicBool,
     bar: &Bar,
 ) -> Result<Option<ObservabilityReport>> {
-    let (document, settings) = match document_of(log) {
+    let (document, settings) = match document_of(&arguments.of) {
         Ok(found) => found,
         Err(error) => return Ok(without_observability(&error)),
     };
-    let scenario = Scenario::new(registry, document, &settings)?;
+    let scenario = Scenario::new(registry, document.clone(), &settings)?;
     let mut assembly = match scenario.assemble(None) {
         Ok(assembly) => assembly,
         Err(error) => return Ok(without_observability(&error)),
@@ -135,6 +145,9 @@ fn filter_again(
     bar.done();
     if !finished.interrupted {
         history.verdict.get_or_insert_with(|| finished.summary.verdict.clone());
+    }
+    if arguments.sensitivity && !finished.interrupted {
+        history.sensitivity = Some(sensitivity(registry, document, &settings, None, stop, bar)?);
     }
     Ok(observability(&scenario.name(), &mut finished))
 }

@@ -1,13 +1,12 @@
 //! `navfuse sensitivity`.
 
 use crate::error::Result;
-use crate::execution::campaign::threads;
 use crate::execution::input::document_of;
+use crate::execution::sensitivity::sensitivity as sensitivities;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::{self, Format};
 use clap::Args;
 use navfuse_core::plugin::Registry;
-use navfuse_diagnose::Options;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -18,6 +17,7 @@ Examples:
   navfuse sensitivity scenarios/quickstart.toml
   navfuse sensitivity runs/dive/run.mcap
   navfuse sensitivity dive.toml --format json | jq '.rows[] | select(.exceeds)'
+  navfuse report dive.toml --sensitivity     has the same table on its page
 
 The command runs the samples again with each thing that the scenario does not model: a bias of a \
 Doppler instrument of 1 cm/s, axes of the IMU of 10 arcsec, a deflection of the vertical of 10 \
@@ -40,15 +40,11 @@ pub struct Sensitivity {
 
 /// Prints the sensitivity of the result to what the scenario does not model.
 pub fn sensitivity(registry: &Registry, arguments: &Sensitivity) -> Result<ExitCode> {
-    let options = Options { threads: threads(arguments.jobs)?, seconds: f64::INFINITY };
-    let (mut document, first) = document_of(&arguments.scenario)?;
-    first.iter().chain(&arguments.set).try_for_each(|s| document.set(s))?;
+    let (document, first) = document_of(&arguments.scenario)?;
+    let settings = [first, arguments.set.clone()].concat();
     let text = arguments.format == Format::Text;
     let (stop, bar) = (stop_on_signal(), Bar::new(text));
-    let show = |done, all| bar.trials(done, all);
-    let found = navfuse_diagnose::sensitivity(registry, &document, &options, &stop, &show);
-    bar.done();
-    let found = found?;
+    let found = sensitivities(registry, document, &settings, arguments.jobs, &stop, &bar)?;
     if text {
         output::sensitivity::print(&found);
     } else {

@@ -5,4 +5,5 @@ pub mod history;
 pub mod input;
 pub mod run;
 pub mod screen;
+pub mod sensitivity;
 pub mod service;

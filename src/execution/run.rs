@@ -2,6 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::input::runs_folder;
+use crate::execution::sensitivity::sensitivity;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::terminal::Detail;
 use crate::output::{self, Format};
@@ -17,6 +18,7 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::Finished;
 use navfuse_core::session::summary::Recorded;
 use navfuse_core::units::time::Time;
+use navfuse_diagnose::Sensitivity;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -46,6 +48,10 @@ pub struct RunOptions {
     /// Exit with 0 instead of 3 where the verdict is "do not use"
     #[arg(long)]
     pub accept_inconsistent: bool,
+    /// Print what the result would move by if each thing that the scenario does not model had its
+    /// usual size; some 20 further runs
+    #[arg(long)]
+    pub sensitivity: bool,
     #[command(flatten)]
     pub live: Live,
 }
@@ -85,7 +91,7 @@ pub fn execute(
     options: &RunOptions,
 ) -> Result<ExitCode> {
     let settings = [first, &options.set].concat();
-    let mut scenario = Scenario::new(registry, document, &settings)?;
+    let mut scenario = Scenario::new(registry, document.clone(), &settings)?;
     if let Some((option, assignment)) = options.live.assignment() {
         let sink = viewer(registry, &scenario, option)?;
         scenario.set(&format!("sink.{sink}.{assignment}"))?;
@@ -101,7 +107,9 @@ pub fn execute(
     let bar = Bar::new(text);
     let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
-    print(&finished, &finished.events, text)?;
+    let asked = options.sensitivity && finished.error.is_none() && !finished.interrupted;
+    let found = asked.then(|| sensitivity(registry, document, &settings, None, &stop, &bar));
+    print(&finished, &finished.events, found.transpose()?.as_ref(), text)?;
     if options.live.serve && !finished.interrupted {
         wait(&stop);
     }
@@ -141,15 +149,25 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBu
     (!options.no_output).then(|| options.out.clone().unwrap_or_else(default))
 }
 
-/// Prints the result of a run, and these of its warnings and errors.
-pub fn print(finished: &Finished, events: &[Event], text: bool) -> Result<()> {
+/// Prints the result of a run with its sensitivities, and these of its warnings and errors.
+pub fn print(
+    finished: &Finished,
+    events: &[Event],
+    found: Option<&Sensitivity>,
+    text: bool,
+) -> Result<()> {
     if text {
         if !Detail::is_quiet() {
             output::run::summary(&finished.summary);
             output::run::recorded(&finished.recorded);
         }
+        found.into_iter().for_each(output::sensitivity::print);
     } else {
-        output::line(summary(finished)?);
+        let mut result = summary(finished)?;
+        if let Some(found) = found {
+            result["sensitivity"] = serde_json::to_value(found)?;
+        }
+        output::line(result);
     }
     output::run::events(events);
     if text {

@@ -26,9 +26,9 @@ pub fn print(found: &Sensitivity) {
     });
     right(&mut rows, 2..3 + found.things.len());
     marked_table(&rows, &[(MARK, Tone::Doubtful)]);
-    let exceeding = found.rows.iter().filter(|row| row.exceeds).count();
     line(format_args!(
-        "{exceeding} of {} components would move by more than their sigma",
+        "{} of {} components would move by more than their sigma",
+        found.exceeding(),
         found.rows.len()
     ));
 }

@@ -30,6 +30,7 @@ mod paper;
 mod report;
 mod sample_recording;
 mod scenario_reference;
+mod sensitivity;
 mod slurm;
 mod smoothing;
 mod snapir;

@@ -54,6 +54,13 @@ pub struct Sensitivity {
     pub interrupted: bool,
 }
 
+impl Sensitivity {
+    /// Number of components that a thing would move by more than their sigma.
+    pub fn exceeding(&self) -> usize {
+        self.rows.iter().filter(|row| row.exceeds).count()
+    }
+}
+
 /// Runs a scenario with each thing that it does not model, and calls `progress` with the number of
 /// runs that are done, and of all.
 ///

@@ -13,6 +13,7 @@ use navfuse_core::state::Mode;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::thin::Thin;
 use navfuse_core::units::time::Time;
+use navfuse_diagnose::Sensitivity;
 
 /// Largest number of recorded events of each level.
 const EVENTS: usize = 500;
@@ -47,6 +48,8 @@ pub struct RunHistory {
     pub verdict: Option<Verdict>,
     /// Warnings about the history itself, such as a truncated log.
     pub warnings: Vec<String>,
+    /// What the end would move by if each unmodelled thing had its usual size, if that was computed.
+    pub sensitivity: Option<Sensitivity>,
     /// The filter's own estimates of blocks that have no smoothed estimate yet.
     pub(crate) waiting: Vec<(String, Filtered)>,
 }

@@ -2,6 +2,7 @@
 //! it opens offline. Without the script it is complete.
 
 mod facts;
+mod sensitivity;
 mod strips;
 pub(crate) mod tables;
 
@@ -19,11 +20,12 @@ const SCRIPT: &str = include_str!("../page.js");
 const STYLE: &str = include_str!("../page.css");
 
 /// Sections of the report: the anchor and the name.
-const SECTIONS: [(&str, &str); 12] = [
+const SECTIONS: [(&str, &str); 13] = [
     ("result", "Result"),
     (SMOOTHING, "Smoothed run"),
     ("trajectory", "Trajectory"),
     ("calibration", "Calibration"),
+    (SENSITIVITY, "Sensitivity"),
     ("sensors", "Sensors"),
     ("states", "States"),
     ("innovations", "Innovations"),
@@ -36,6 +38,8 @@ const SECTIONS: [(&str, &str); 12] = [
 
 /// Anchor of the section of a smoothed run.
 const SMOOTHING: &str = "smoothing";
+/// Anchor of the section of what the scenario does not model.
+const SENSITIVITY: &str = "sensitivity";
 
 /// Creates a page with a title and a content.
 pub(crate) fn document(title: &str, body: &Markup) -> String {
@@ -117,6 +121,15 @@ fn labelled(figure: &Figure, compared_with: &str) -> Figure {
     figure
 }
 
+/// Returns `true` if the page of a run has a section.
+fn has(history: &RunHistory, section: &str) -> bool {
+    match section {
+        SMOOTHING => history.smoothed().next().is_some(),
+        SENSITIVITY => history.sensitivity.is_some(),
+        _ => true,
+    }
+}
+
 /// Creates the report of a run, with its observability if that was evaluated.
 ///
 /// # Errors
@@ -141,7 +154,7 @@ pub fn report(
             (facts(history))
             nav {
                 @for (id, name) in SECTIONS {
-                    @if id != SMOOTHING || history.smoothed().next().is_some() {
+                    @if has(history, id) {
                         a href={ "#" (id) } { (name) }
                     }
                 }
@@ -177,6 +190,9 @@ pub fn report(
                     @else { "Result: the last estimate. " }
                     "A remaining sigma near 1 means that the run held no information on the state."
                 }
+            }
+            @if let Some(found) = &history.sensitivity {
+                section id=(SENSITIVITY) { h2 { "Sensitivity" } (sensitivity::table(found)) }
             }
             section #sensors {
                 h2 { "Sensors" }
