@@ -7,9 +7,7 @@ use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_diagnose::{
-    Counts, Diagnosis, Kinds, Options, Plainness, apply, counts, detect, diagnose, sensitivity,
-};
+use navfuse_diagnose::{Diagnosis, Options, apply, diagnose, sensitivity};
 use std::sync::atomic::AtomicBool;
 
 /// A minute of a vehicle below water, with IMU, DVL, depth and an acoustic position.
@@ -327,45 +325,6 @@ fn the_change_that_is_written_into_a_scenario_makes_it_consistent_and_keeps_its_
     assert!(written.contains("# of the data sheet"));
     let again = run(&written, &[]);
     assert_eq!(again.unchanged.level, VerdictLevel::Consistent);
-}
-
-/// A healthy scenario, one with a fault below the noise, and two with plain faults, of which the second
-/// has the wrong culprit in the file.
-const KINDS: &str = r#"
-scenario = "dive.toml"
-[[kind]]
-name = "healthy"
-[[kind]]
-name = "hidden"
-culprit = ["dvl"]
-fault = ['sensor.dvl.simulation.faults=[{ type = "bias", size = "0.1 mm/s" }]']
-[[kind]]
-name = "plain"
-culprit = ["depth"]
-fault = ['sensor.depth.simulation.faults=[{ type = "sign" }]']
-[[kind]]
-name = "misnamed"
-culprit = ["imu"]
-fault = ['sensor.depth.simulation.faults=[{ type = "sign" }]']
-"#;
-
-#[test]
-fn a_verdict_is_counted_by_the_likelihood_ratio_of_a_filter_that_knows_the_fault() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("kinds.toml");
-    std::fs::write(folder.path().join("dive.toml"), DIVE).expect("it can be written");
-    std::fs::write(&path, KINDS).expect("it can be written");
-    let kinds =
-        Kinds::of(&Document::from_file(&path).expect("it is TOML")).expect("they are kinds");
-    let options = Options { threads: 2, seconds: 1.0 };
-    let (registry, stop) = (navfuse::standard_plugins(), AtomicBool::new(false));
-    let rows = detect(&registry, &kinds, 2, &options, &stop, &|_, _| {}).expect("it runs");
-    let of = Plainness::ALL.map(|plain| counts(&rows, plain));
-    let silent = Counts { runs: 2, silent: 2, ..Counts::default() };
-    let plain = Counts { runs: 4, named: 2, wrong_name: 2, ..Counts::default() };
-    assert_eq!(of, [silent, silent, Counts::default(), plain], "{rows:#?}");
-    let again = detect(&registry, &kinds, 2, &Options { threads: 1, ..options }, &stop, &|_, _| {});
-    assert_eq!(format!("{rows:?}"), format!("{:?}", again.expect("it runs")));
 }
 
 /// Estimates of a state at the end of the dive, in its unit.

@@ -16,6 +16,7 @@ mod command;
 #[path = "../common/mod.rs"]
 mod common;
 mod consistency;
+mod detection;
 mod diagnose;
 mod diagnose_recorded;
 mod export;
@@ -27,6 +28,7 @@ mod nothing_lost;
 mod observability;
 mod pan_wu;
 mod paper;
+mod parked;
 mod report;
 mod sample_recording;
 mod scenario_reference;

@@ -21,7 +21,7 @@
 //! neglect matter (`watch.rs`).
 
 use super::change::Change;
-use super::means::Records;
+use super::means::{Points, Records};
 use super::recording::{Pass, Recording};
 use super::watch::{self, Due, Watch};
 use crate::checkpoint::Io;
@@ -46,6 +46,10 @@ const PASSES: u32 = 12;
 /// time takes the same samples again.
 const CONVERGED: f64 = 0.1;
 const CONVERGED_LAST: f64 = 1e-3;
+
+/// Change of the estimate by a pass, in its sigma, that may be larger than that of the pass before.
+/// The trajectory then lies within the uncertainty, and passes that swing about the solution end at it.
+const WITHIN: f64 = 1.0;
 
 /// Part of the span after which the first passes are made.
 const FIRST: i64 = 64;
@@ -277,23 +281,61 @@ impl Record {
         converged: f64,
         observer: &mut dyn Observer,
     ) -> Result<String, String> {
+        let mut made = self.passes(ekf, converged, false, observer);
+        if made.is_err() {
+            // after passes that failed the filter may have left the region from which they converge
+            self.take_all(ekf, None, observer)?;
+            made = self.passes(ekf, converged, true, observer);
+        }
+        let report = made?;
+        let injected = ekf.join_course();
+        self.pass.joined(&injected);
+        observer.repetition(Repetition::Ends(&injected));
+        std::mem::swap(&mut self.run, &mut self.pass);
+        std::mem::swap(&mut self.findings, &mut self.found);
+        Ok(report)
+    }
+
+    /// Takes the samples from the start once more with the records of a pass, linearised at a
+    /// trajectory or, without one, at the estimate.
+    fn take_all(
+        &mut self,
+        ekf: &mut dyn Linearised,
+        course: Option<Points>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), String> {
+        self.pass.clear();
+        ekf.restore(&self.first);
+        match course {
+            Some(course) => ekf.follow_course(Box::new(course)),
+            None => ekf.leave_course(),
+        }
+        observer.repetition(Repetition::Begins);
+        self.found.clear();
+        let mut pass = Pass { records: &mut self.pass, findings: &mut self.found, observer };
+        let mut samples = self.samples.iter();
+        let taken = samples.try_for_each(|sample| ekf.take(sample, &mut pass));
+        ekf.settle(&mut pass);
+        taken.map_err(|error| error.to_string())
+    }
+
+    /// Makes passes until one changes the estimate less, from the records of the run or, with
+    /// `anew`, from those of a run without a trajectory.
+    fn passes(
+        &mut self,
+        ekf: &mut dyn Linearised,
+        converged: f64,
+        anew: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<String, String> {
         let layout = Arc::clone(&ekf.composition().layout);
         let mut last = f64::INFINITY;
         let mut report = String::new();
         for number in 1..=PASSES {
-            let records = if number == 1 { &mut self.run } else { &mut self.pass };
+            let records = if number == 1 && !anew { &mut self.run } else { &mut self.pass };
             let course = records.smooth(&layout, ekf.considered());
-            self.pass.clear();
-            ekf.restore(&self.first);
-            ekf.follow_course(Box::new(course));
-            observer.repetition(Repetition::Begins);
-            self.found.clear();
-            let mut pass = Pass { records: &mut self.pass, findings: &mut self.found, observer };
-            let mut samples = self.samples.iter();
-            samples
-                .try_for_each(|sample| ekf.take(sample, &mut pass))
+            self.take_all(ekf, Some(course), observer)
                 .map_err(|error| format!("pass {number} failed: {error}"))?;
-            ekf.settle(&mut pass);
             // the trajectory ends at the estimate of the pass before, and the offset is the change
             let mut change = Change::default();
             for (i, d) in ekf.offset().iter().enumerate() {
@@ -304,7 +346,7 @@ impl Record {
             }
             let words = change.words(&layout);
             // the linear run holds at a step that shrinks
-            if change.size > last || change.size.is_nan() {
+            if change.size > last.max(WITHIN) || change.size.is_nan() {
                 return Err(format!(
                     "pass {number} diverges: it changed {words}, more than the pass before it; \
                      state a prior nearer to the truth"
@@ -317,11 +359,6 @@ impl Record {
                 break;
             }
         }
-        let injected = ekf.join_course();
-        self.pass.joined(&injected);
-        observer.repetition(Repetition::Ends(&injected));
-        std::mem::swap(&mut self.run, &mut self.pass);
-        std::mem::swap(&mut self.findings, &mut self.found);
         Ok(report)
     }
 }

@@ -14,13 +14,13 @@ use crate::recording::Recording;
 use crate::scene::Scene;
 use crate::trial::{Outcome, run};
 use crate::{DiagnoseError, Options, parallel};
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, quoted};
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Twice the log-likelihood ratio from which a fault can be found: the square of 4.75 sigma, at which
@@ -32,16 +32,13 @@ const PLAIN: f64 = 36.0;
 const FITS: f64 = 3.5;
 
 /// The table of kinds that a file defines.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kinds {
     /// Scenario of the kinds that name none, relative to the file.
     pub scenario: PathBuf,
     /// The kinds.
     pub kind: Vec<Kind>,
-    /// Folder of the file.
-    #[serde(skip)]
-    folder: PathBuf,
 }
 
 impl Kinds {
@@ -50,16 +47,33 @@ impl Kinds {
     /// # Errors
     /// When a key is unknown or missing, with its place.
     pub fn of(file: &Document) -> Result<Self, DiagnoseError> {
-        let kinds: Self = file.root().parse()?;
-        Ok(Self { folder: file.folder().to_owned(), ..kinds })
+        let mut kinds: Self = file.root().parse()?;
+        for kind in &mut kinds.kind {
+            let scenario = kind.scenario.as_ref().unwrap_or(&kinds.scenario);
+            kind.scenario = Some(file.folder().join(scenario));
+        }
+        Ok(kinds)
     }
 
-    /// The healthy scenario of a kind.
-    fn document(&self, kind: &Kind) -> Result<Document, DiagnoseError> {
-        let path = self.folder.join(kind.scenario.as_ref().unwrap_or(&self.scenario));
-        let mut document = Document::from_file(path)?;
-        kind.settings.iter().try_for_each(|setting| document.set(setting))?;
-        Ok(document)
+    /// Makes the recordings below a folder the sources of the kinds that have one, and leaves out
+    /// the kinds whose recordings are not there. Returns the recordings that are missing.
+    pub fn find_recordings(&mut self, data: Option<&Path>) -> BTreeSet<PathBuf> {
+        let mut missing = BTreeSet::new();
+        self.kind.retain_mut(|kind| {
+            let Some(recording) = &kind.recording else { return true };
+            let folder = data.and_then(|data| std::fs::canonicalize(data.join(recording)).ok());
+            match folder.as_deref().and_then(Path::to_str) {
+                Some(folder) => {
+                    kind.settings.push(format!("source.csv.directory={}", quoted(folder)));
+                    true
+                }
+                None => {
+                    missing.insert(recording.clone());
+                    false
+                }
+            }
+        });
+        missing
     }
 }
 
@@ -77,9 +91,45 @@ pub struct Kind {
     /// Settings that put the fault in; none for a healthy scenario.
     #[serde(default)]
     pub fault: Vec<String>,
+    /// Settings that take out a fault which the scenario has itself.
+    #[serde(default)]
+    pub without: Vec<String>,
+    /// Folder of the recording that the scenario reads, below the folder of all data. A recording is
+    /// run once.
+    pub recording: Option<PathBuf>,
     /// Parts that a verdict may name: a sensor, process or state, or the beginning of its name.
     #[serde(default)]
     pub culprit: Vec<String>,
+}
+
+impl Kind {
+    /// The scenario with its settings, without those of the fault.
+    fn document(&self) -> Result<Document, DiagnoseError> {
+        let mut document = Document::from_file(self.scenario.clone().unwrap_or_default())?;
+        self.settings.iter().try_for_each(|setting| document.set(setting))?;
+        Ok(document)
+    }
+
+    /// Settings of the run with the fault, or without it.
+    fn of(&self, fault: bool) -> &[String] {
+        if fault { &self.fault } else { &self.without }
+    }
+
+    fn is_healthy(&self) -> bool {
+        self.fault.is_empty() && self.without.is_empty()
+    }
+
+    /// Number of runs of the kind, of so many.
+    fn runs(&self, runs: u64) -> u64 {
+        if self.recording.is_some() { 1 } else { runs }
+    }
+
+    /// Tests whether two kinds are the same without their faults.
+    fn has_base_of(&self, other: &Self) -> bool {
+        let base =
+            |kind: &Self| (kind.scenario.clone(), kind.settings.clone(), kind.without.clone());
+        base(self) == base(other)
+    }
 }
 
 /// What a run shows of its fault.
@@ -198,25 +248,21 @@ pub fn detect(
     stop: &AtomicBool,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<Row>, DiagnoseError> {
-    let documents: Result<Vec<_>, _> = kinds.kind.iter().map(|kind| kinds.document(kind)).collect();
-    let (documents, kinds) = (documents?, &kinds.kind);
+    let kinds = &kinds.kind;
+    let documents: Vec<Document> = kinds.iter().map(Kind::document).collect::<Result<_, _>>()?;
     // kinds of one scenario share their runs without a fault
-    let base = |kind: &Kind| {
-        let same = |k: &Kind| (&k.scenario, &k.settings) == (&kind.scenario, &kind.settings);
-        kinds.iter().position(same).unwrap_or_default()
-    };
+    let base = |kind: &Kind| kinds.iter().position(|k| k.has_base_of(kind)).unwrap_or_default();
     let jobs = |of: &dyn Fn(usize) -> bool| -> Vec<(usize, u64)> {
         let numbers = (0..kinds.len()).filter(|k| of(*k));
-        numbers.flat_map(|k| (1..=runs).map(move |seed| (k, seed))).collect()
+        numbers.flat_map(|k| (1..=kinds[k].runs(runs)).map(move |seed| (k, seed))).collect()
     };
     let healthy = jobs(&|k| base(&kinds[k]) == k);
-    let faulty = jobs(&|k| !kinds[k].fault.is_empty());
+    let faulty = jobs(&|k| !kinds[k].is_healthy());
     let (done, all) = (AtomicUsize::new(0), healthy.len() + faulty.len());
     let each = |jobs: &[(usize, u64)], faults: bool| {
         parallel::each(jobs.len(), options.threads, stop, |at| {
             let (k, seed) = jobs[at];
-            let fault = if faults { &kinds[k].fault[..] } else { &[] };
-            let outcome = outcome(registry, &documents[k], seed, fault, stop);
+            let outcome = outcome(registry, &documents[k], seed, kinds[k].of(faults), stop);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1, all);
             let whole = |outcome: &Outcome| !outcome.interrupted;
             Some(outcome.map(|outcome| Some(outcome).filter(whole).map(|o| ((k, seed), o))))
@@ -229,7 +275,7 @@ pub fn detect(
     let row = |(k, kind): (usize, &Kind)| {
         let found = (1..=runs).filter_map(|seed| {
             let healthy = without.get(&(base(kind), seed))?;
-            match kind.fault.is_empty() {
+            match kind.is_healthy() {
                 true => Some(detection(kind, seed, healthy, None)),
                 false => Some(detection(kind, seed, with.get(&(k, seed))?, Some(healthy))),
             }

@@ -1,5 +1,6 @@
 //! The text of the scenario.
 
+mod grade;
 mod start;
 
 use crate::Answers;
@@ -254,6 +255,10 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     match part.name {
         "imu" => {
             let [gyro, accel] = stream.map_or([0.3, 100.0], StreamSurvey::densities).map(round);
+            match grade::line(gyro, stream.is_some_and(StreamSurvey::is_steady)) {
+                (line, Some(why)) => out.ask(&line, why),
+                (line, None) => out.line(&line),
+            }
             let why = "measured from sample to sample, with the vibration of the vehicle";
             out.ask(&format!("gyro_noise = \"{gyro} deg/h/sqrt(Hz)\""), why);
             out.ask(&format!("accel_noise = \"{accel} ug/sqrt(Hz)\""), why);
