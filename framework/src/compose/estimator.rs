@@ -13,6 +13,7 @@ use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
+use std::borrow::Cow;
 use std::io;
 
 /// An estimator: takes samples in order of time, and gives estimates with their uncertainty.
@@ -32,6 +33,7 @@ use std::io;
 /// use navfuse_core::prelude::*;
 /// use navfuse_core::compose::Composition;
 /// use navfuse_core::state::covariance::Covariance;
+/// use std::borrow::Cow;
 ///
 /// /// Leaves out every other sample.
 /// struct Sparing(Ekf, bool);
@@ -64,7 +66,7 @@ use std::io;
 ///     fn state(&self) -> &State {
 ///         self.0.state()
 ///     }
-///     fn covariance(&self) -> &Covariance {
+///     fn covariance(&self) -> Cow<'_, Covariance> {
 ///         self.0.covariance()
 ///     }
 ///     fn epoch(&mut self) -> Epoch<'_> {
@@ -100,7 +102,7 @@ pub trait Estimator: Send {
     fn state(&self) -> &State;
 
     /// Covariance of the estimate.
-    fn covariance(&self) -> &Covariance;
+    fn covariance(&self) -> Cow<'_, Covariance>;
 
     /// Time of the estimate.
     fn time(&self) -> Time {
@@ -108,7 +110,7 @@ pub trait Estimator: Send {
     }
 
     /// Brings a covariance that is computed less often than the estimate to the estimate's time,
-    /// for an epoch that is recorded.
+    /// and shows the observer how, for an epoch that is recorded.
     fn settle(&mut self, _observer: &mut dyn Observer) {}
 
     /// Estimate at that time, with the truth where the scenario states it and no reference gives
@@ -177,6 +179,7 @@ pub trait Estimator: Send {
 /// # use navfuse_core::model::record::{Epoch, Observer, Truth};
 /// # use navfuse_core::prelude::*;
 /// # use navfuse_core::state::covariance::Covariance;
+/// # use std::borrow::Cow;
 /// struct Sparing(Ekf, bool);
 ///
 /// impl Linearised for Sparing {
@@ -226,7 +229,7 @@ pub trait Estimator: Send {
 /// #   fn state(&self) -> &State {
 /// #       self.0.state()
 /// #   }
-/// #   fn covariance(&self) -> &Covariance {
+/// #   fn covariance(&self) -> Cow<'_, Covariance> {
 /// #       self.0.covariance()
 /// #   }
 /// #   fn epoch(&mut self) -> Epoch<'_> {
@@ -284,6 +287,11 @@ pub trait Linearised: Estimator {
     /// Returns `true` while an alignment searches for the initial values.
     fn searching(&self) -> bool {
         self.base().searching()
+    }
+
+    /// Covariance of the last propagation, which may be behind the estimate: it costs nothing to look at.
+    fn propagated(&self) -> &Covariance {
+        self.base().propagated()
     }
 
     /// Marks the considered error states.

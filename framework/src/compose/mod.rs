@@ -6,6 +6,7 @@ mod composer;
 mod composition;
 pub mod correlated;
 pub mod course;
+pub(crate) mod covariance_rate;
 pub mod draw;
 pub mod estimator;
 pub mod keys;

@@ -1,5 +1,6 @@
 //! The table `[estimator]`: start, end and initial values of the filter.
 
+use super::covariance_rate::CovarianceRate;
 use crate::compose::draw::Draw;
 use crate::units::time::{Span, Time};
 use crate::units::{Duration, Frequency, NonNegative, Positive};
@@ -59,10 +60,12 @@ pub struct EstimatorConfig {
     /// `ukf` (unscented), or one that a plugin registers. A sensor's own `update` has precedence.
     #[serde(default = "ekf")]
     pub(crate) update: String,
-    /// Rate of the covariance, lower than the driving sensor's. The estimate takes every sample; the
-    /// covariance is propagated over several of them at once, and before each measurement.
-    /// Default: with every sample.
-    covariance_rate: Option<Positive<Frequency>>,
+    /// How often the covariance is propagated. The estimate takes every sample; the covariance takes the steps of
+    /// several as one, as many as change no sigma by more than a millionth, and ends there before each measurement and
+    /// each recorded estimate. A rate such as "5 Hz" is the least one; `"every sample"` takes each step by itself.
+    /// Default: no least rate.
+    #[serde(default)]
+    covariance_rate: CovarianceRate,
     /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
@@ -96,7 +99,7 @@ impl Default for EstimatorConfig {
             passes: None,
             relinearise: None,
             update: ekf(),
-            covariance_rate: None,
+            covariance_rate: CovarianceRate::default(),
             output_rate: ten_hertz(),
             newest_rate: None,
         }
@@ -172,10 +175,9 @@ impl EstimatorConfig {
         period(self.newest_rate.unwrap_or(self.output_rate))
     }
 
-    /// Time between propagations of the covariance, if it is not every sample.
-    pub(crate) fn covariance_period(&self) -> Option<Span> {
-        let rate = self.covariance_rate.as_ref()?.value().si();
-        Span::from_seconds(1.0 / rate)
+    /// How often the covariance is propagated.
+    pub(crate) fn covariance_rate(&self) -> CovarianceRate {
+        self.covariance_rate
     }
 
     /// Returns `true` if the filter starts from a reference.

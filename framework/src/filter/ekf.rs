@@ -57,6 +57,10 @@ impl Ekf {
 
     fn with(composition: Composition, method: Method) -> Self {
         let layout = Arc::clone(&composition.layout);
+        let mut parts = Parts::new(&composition);
+        if let Method::SigmaPoints(_) = method {
+            parts.propagation.take_every_step();
+        }
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
             considered: layout.considered(),
@@ -64,7 +68,7 @@ impl Ekf {
             stepper: Stepper::new(&composition, method),
             changes: Changes::default(),
             guide: None,
-            parts: Parts::new(&composition),
+            parts,
             layout,
             composition,
         }
@@ -199,24 +203,24 @@ impl Ekf {
         if parts.propagation.step(stepper, composition, considered, estimate, &interval)? {
             self.move_covariance(observer);
         }
+        let Parts { propagation, estimate, signatures, history, .. } = &mut self.parts;
+        if let Some(signatures) = signatures {
+            signatures.moved(to);
+        }
+        if let Some(history) = history {
+            history.moved(&estimate.state, propagation.transition());
+        }
         Ok(())
     }
 
     /// Propagates the covariance over the last step, or over all steps that the pool holds.
     fn move_covariance(&mut self, observer: &mut dyn Observer) {
-        let Parts { propagation, estimate, sensors, branch, signatures, history, .. } =
-            &mut self.parts;
+        let Parts { propagation, estimate, sensors, branch, .. } = &mut self.parts;
         let transition = propagation.move_covariance(&self.stepper, &mut estimate.covariance);
         observer.transition(transition);
         estimate.follow(self.guide.as_deref_mut(), &self.layout, transition);
-        observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
         transition.carry_reaches(followed(sensors, branch));
-        if let Some(signatures) = signatures {
-            signatures.moved(estimate.state.time);
-        }
-        if let Some(history) = history {
-            history.moved(&estimate.state, transition);
-        }
+        observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
         self.mix();
     }
 

@@ -18,14 +18,16 @@ pub(super) struct Estimate {
     pub(super) offset: Option<Offset>,
     /// Covariance that contains a branch as well.
     pub(super) mixture: Option<Covariance>,
+    /// Covariance of the last epoch, where that of the filter was behind.
+    pub(super) present: Option<Covariance>,
 }
 
-saved!(Estimate { state, covariance } except { offset, mixture });
+saved!(Estimate { state, covariance } except { offset, mixture, present });
 
 impl Estimate {
     pub(super) fn new(layout: &Layout) -> Self {
         let (state, covariance) = (layout.initial_state(), Covariance::zero(layout.tangent));
-        Self { state, covariance, offset: None, mixture: None }
+        Self { state, covariance, offset: None, mixture: None, present: None }
     }
 
     /// Estimate relative to the state; empty where the state is the estimate.
@@ -62,7 +64,8 @@ impl Estimate {
 
     /// The estimate as sinks see it.
     pub(super) fn epoch<'a>(&'a self, layout: &'a Layout, truth: Option<Truth<'a>>) -> Epoch<'a> {
-        Epoch { layout, state: &self.state, covariance: self.reported(), truth }
+        let covariance = self.present.as_ref().unwrap_or(self.reported());
+        Epoch { layout, state: &self.state, covariance, truth }
     }
 
     /// The estimate as alignments and monitors see it.

@@ -6,6 +6,7 @@ use crate::compose::course::Course;
 use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Rejection};
+use crate::state::covariance::Covariance;
 use crate::units::sample::Sample;
 use std::io;
 
@@ -38,6 +39,9 @@ impl Linearised for Ekf {
     }
     fn searching(&self) -> bool {
         self.searching()
+    }
+    fn propagated(&self) -> &Covariance {
+        self.parts.estimate.reported()
     }
     fn considered(&self) -> &[bool] {
         &self.considered

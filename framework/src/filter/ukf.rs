@@ -3,6 +3,7 @@
 use super::ekf::Ekf;
 use super::update::ukf::Unscented;
 use crate::compose::Composition;
+use crate::compose::covariance_rate::CovarianceRate;
 use crate::compose::estimator::Linearised;
 use crate::compose::estimator::{Estimator, EstimatorType};
 use crate::model::error::ComposeError;
@@ -13,6 +14,7 @@ use crate::model::sensor::rule::UpdateRule;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
+use std::borrow::Cow;
 
 /// An unscented Kalman filter: sigma points of the uncertainty pass through the processes, and
 /// every sensor has the update rule `ukf`. Gates, recovery, screening, alignments, past states and
@@ -67,7 +69,7 @@ macro_rules! estimator {
                 let $e = self;
                 $filter.state()
             }
-            fn covariance(&self) -> &Covariance {
+            fn covariance(&self) -> Cow<'_, Covariance> {
                 let $e = self;
                 $filter.covariance()
             }
@@ -140,7 +142,7 @@ impl EstimatorType for Ukf {
                            not have; remove `smooth`, `lag` and `passes`, or set type = \"ekf\"";
             return Err(ComposeError::new("smooth", message));
         }
-        if composition.estimator.covariance_period().is_some() {
+        if matches!(composition.estimator.covariance_rate(), CovarianceRate::Least(_)) {
             let message = "the unscented filter propagates the covariance with every sample; \
                            remove `covariance_rate`, or set type = \"ekf\"";
             return Err(ComposeError::new("covariance_rate", message));

@@ -1,6 +1,7 @@
 //! What a filter shows of itself: estimate, layout, truth and snapshots.
 
 use super::ekf::Ekf;
+use super::judge::split::mixture;
 use super::parts::Parts;
 use crate::compose::Composition;
 use crate::compose::snapshot::Snapshot;
@@ -8,6 +9,7 @@ use crate::model::record::{Epoch, Truth};
 use crate::model::sensor::Role;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, Layout, State};
+use std::borrow::Cow;
 
 impl Ekf {
     /// The estimate.
@@ -15,10 +17,26 @@ impl Ekf {
         &self.parts.estimate.state
     }
 
-    /// Covariance of the estimate. While it is undecided whether a sensor or the filter was wrong,
-    /// it contains both cases.
-    pub fn covariance(&self) -> &Covariance {
-        self.parts.estimate.reported()
+    /// Covariance of the estimate: a copy where the filter has steps left that its own has not taken. While it is
+    /// undecided whether a sensor or the filter was wrong, it contains both cases.
+    pub fn covariance(&self) -> Cow<'_, Covariance> {
+        match self.present() {
+            Some(covariance) => Cow::Owned(covariance),
+            None => Cow::Borrowed(self.parts.estimate.reported()),
+        }
+    }
+
+    /// The covariance at the state's time, where that of the filter is behind.
+    fn present(&self) -> Option<Covariance> {
+        let Parts { estimate, propagation, branch, .. } = &self.parts;
+        if !propagation.is_behind() {
+            return None;
+        }
+        let (mut covariance, mut branch) = (estimate.covariance.clone(), branch.clone());
+        propagation.preview(&mut covariance, |transition| {
+            transition.carry_reaches(branch.iter_mut().map(|branch| &mut branch.effect));
+        });
+        Some(mixture(branch.as_ref(), &covariance).unwrap_or(covariance))
     }
 
     /// Layout of state and covariance.
@@ -70,7 +88,9 @@ impl Ekf {
     /// gives it.
     pub fn epoch(&mut self) -> Epoch<'_> {
         let referenced = self.has_reference();
+        let present = self.present();
         let Parts { estimate, truth, .. } = &mut self.parts;
+        estimate.present = present;
         let stated = !referenced && truth.state_at(&self.layout, estimate.state.time);
         estimate.epoch(&self.layout, stated.then(|| truth.view()))
     }

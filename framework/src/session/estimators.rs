@@ -128,17 +128,8 @@ pub(crate) fn newest<T>(
     estimator: &mut dyn Estimator,
     look: impl FnOnce(&Epoch<'_>) -> T,
 ) -> Option<T> {
-    let pooled = estimator.composition().estimator.covariance_period().is_some();
     match (timeline, estimator.settled()) {
         (Some(timeline), Some(filter)) => timeline.newest(filter, look),
-        // the covariance of a copy is brought to the time of the estimate
-        (None, Some(filter)) if pooled && filter.running() => {
-            let kept = filter.snapshot();
-            filter.settle(&mut ());
-            let seen = look(&filter.epoch());
-            filter.restore(&kept);
-            Some(seen)
-        }
         _ => estimator.running().then(|| look(&estimator.epoch())),
     }
 }

@@ -245,7 +245,7 @@ impl Statistics {
             let (mut estimate, mut sigma, mut error) =
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show(&state.values, &mut estimate);
-            block.show_sigma(&state.values, covariance, &mut sigma);
+            block.show_sigma(&state.values, &covariance, &mut sigma);
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;

@@ -36,6 +36,7 @@ use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Largest number of passes at one time.
@@ -155,6 +156,7 @@ impl Relinearised {
 
     /// Makes the passes, the last ones of all if `last` is set.
     fn pass(&mut self, start: Time, last: bool, observer: &mut dyn Observer) {
+        self.settle(observer);
         let Self { estimator, record: place, jumped } = self;
         let Some((ekf, record)) = estimator.linearised().zip(place.as_mut()) else { return };
         let (time, before) = (ekf.time(), ekf.snapshot());
@@ -405,7 +407,7 @@ impl Estimator for Relinearised {
         self.estimator.state()
     }
 
-    fn covariance(&self) -> &Covariance {
+    fn covariance(&self) -> Cow<'_, Covariance> {
         self.estimator.covariance()
     }
 

@@ -76,7 +76,7 @@ fn largest(composition: &Composition, variance: impl Fn(usize) -> f64) -> f64 {
 
 /// Weight of the products at the covariance of a filter.
 pub(super) fn weight(filter: &dyn Linearised) -> f64 {
-    largest(filter.composition(), |i| filter.covariance().get(i, i))
+    largest(filter.composition(), |i| filter.propagated().get(i, i))
 }
 
 /// Returns `true` if the products that the processes neglect matter at the priors.

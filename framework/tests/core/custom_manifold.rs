@@ -178,7 +178,7 @@ fn a_direction_is_estimated_across_the_azimuth_where_angles_wrap() {
     let block = ekf.layout().find("star.direction").unwrap();
     let (mut shown, mut sigma) = ([0.0; 2], [0.0; 2]);
     block.show(&ekf.state().values, &mut shown);
-    block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+    block.show_sigma(&ekf.state().values, &ekf.covariance(), &mut sigma);
     // the remaining share of the 0.083 rad: R / (P n) = (0.1/5)^2 / 50, and the nonlinearity of the
     // first, large step
     assert!((shown[0] - (-3.1_f64).to_degrees()).abs() < 0.05, "{shown:?}");

@@ -22,6 +22,7 @@ use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{Bench, Lab, Log, SCENARIO, compose, refused, seconds};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::borrow::Cow;
 use std::sync::atomic::AtomicBool;
 
 /// Mean and covariance of an estimator's first states.
@@ -247,7 +248,7 @@ impl Estimator for Sparing {
     fn state(&self) -> &State {
         self.filter.state()
     }
-    fn covariance(&self) -> &Covariance {
+    fn covariance(&self) -> Cow<'_, Covariance> {
         self.filter.covariance()
     }
     fn epoch(&mut self) -> Epoch<'_> {
@@ -291,7 +292,7 @@ impl Estimator for Plain {
     fn state(&self) -> &State {
         self.0.state()
     }
-    fn covariance(&self) -> &Covariance {
+    fn covariance(&self) -> Cow<'_, Covariance> {
         self.0.covariance()
     }
     fn epoch(&mut self) -> Epoch<'_> {

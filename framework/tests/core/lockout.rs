@@ -99,13 +99,13 @@ fn the_thresholds_are_those_of_the_chi_square_table() {
 fn gated_samples_have_one_line_with_the_worst_channel_and_change_nothing() {
     let mut b = Bench::new(&[]);
     b.give("speed", 0.0, &[1.0]).give("speed", 1.0, &[1.0]);
-    let before = (b.ekf.state().clone(), b.ekf.covariance().clone());
+    let before = (b.ekf.state().clone(), b.ekf.covariance().into_owned());
     b.give("fix", 1.0, &[40.0]);
     // S = P + R: P = 1 + 0.01 + 0.25 after 1 s, R = 0.01; the innovation is 39
     let nis = 39.0_f64.powi(2) / 1.27;
     assert_eq!(b.log.outcomes(), [Outcome::Gated]);
     assert!((b.log.updates[0].2 - nis).abs() < 1e-9 * nis, "{} {nis}", b.log.updates[0].2);
-    assert_eq!(before, (b.ekf.state().clone(), b.ekf.covariance().clone()));
+    assert_eq!(before, (b.ekf.state().clone(), b.ekf.covariance().into_owned()));
     b.give("speed", 2.0, &[1.0]).give("fix", 2.0, &[40.0]);
     assert_eq!(b.log.says("gated"), 0, "{:?}", b.log.events);
     b.give("speed", 3.0, &[1.0]).give("fix", 3.0, &[3.0]);

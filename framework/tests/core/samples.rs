@@ -97,7 +97,7 @@ fn excluded_samples_change_nothing_and_the_span_is_half_open() {
 fn late_repeated_and_backward_samples_are_rejected_counted_and_said_once_in_a_row() {
     let mut b = Bench::new(&[]);
     b.give("speed", 0.0, &[1.0]).give("speed", 1.0, &[1.0]);
-    let before = (b.ekf.state().clone(), b.ekf.covariance().clone());
+    let before = (b.ekf.state().clone(), b.ekf.covariance().into_owned());
     b.fix(0.4, 0.4).fix(0.5, 0.5).fix(0.5, 0.5).fix(0.3, 0.3);
     let (late, order) = (rejected(Rejection::Late), rejected(Rejection::OutOfOrder));
     assert_eq!(b.log.outcomes(), [late, late, order, order]);
@@ -108,7 +108,7 @@ fn late_repeated_and_backward_samples_are_rejected_counted_and_said_once_in_a_ro
     );
     assert_eq!(
         before,
-        (b.ekf.state().clone(), b.ekf.covariance().clone()),
+        (b.ekf.state().clone(), b.ekf.covariance().into_owned()),
         "the filter is untouched"
     );
     assert_eq!(b.log.says("fix sample rejected: 0.400 s is before the state's 1.000 s"), 1);

@@ -277,7 +277,7 @@ fn late_sights_of_posts_that_come_and_go_give_the_run_in_order_to_the_bit() {
     let mut straight = filter(keys);
     let mut first = Log::default();
     all.iter().for_each(|s| straight.process(&sample(s), &mut first).unwrap());
-    let end = bits(straight.state(), straight.covariance());
+    let end = bits(straight.state(), &straight.covariance());
     assert_eq!(end.2, [Some(3), Some(2)]);
     // each third sight arrives first, up to 2.5 s before its turn: the others are late
     let mut arrivals = all.clone();
@@ -293,11 +293,11 @@ fn late_sights_of_posts_that_come_and_go_give_the_run_in_order_to_the_bit() {
         newest = timeline.newest(&mut ekf, |epoch| bits(epoch.state, epoch.covariance));
     }
     assert_eq!(newest.as_ref(), Some(&end), "the newest estimate has taken all of them");
-    assert_ne!(bits(ekf.state(), ekf.covariance()), end, "the settled one waits");
+    assert_ne!(bits(ekf.state(), &ekf.covariance()), end, "the settled one waits");
     timeline.close();
     while let Some(next) = timeline.release(ekf.running()) {
         ekf.process(&next, &mut log).unwrap();
     }
-    assert_eq!(bits(ekf.state(), ekf.covariance()), end);
+    assert_eq!(bits(ekf.state(), &ekf.covariance()), end);
     assert_eq!((log.outcomes(), log.events.len()), (first.outcomes(), first.events.len()));
 }

@@ -113,7 +113,7 @@ fn step(c: &mut Criterion) {
             model.propagate(&layout, &mut state, black_box(&interval), &mut transition).unwrap();
         });
     });
-    let start: Covariance = ekf.covariance().clone();
+    let start: Covariance = ekf.covariance().into_owned();
     let mut p = start.clone();
     group.bench_function("covariance, structured", |b| {
         b.iter(|| transition.propagate(black_box(&mut p)))

@@ -233,7 +233,7 @@ fn costs(text: &str) -> [f64; 4] {
     let (mut transition, n) = (listener.0.unwrap(), ekf.layout().tangent);
     let (phi, q) = (transition.phi_dense(n), transition.noise_dense(n));
     let transposed = phi.transpose();
-    let (snapshot, start) = (ekf.snapshot(), ekf.covariance().clone());
+    let (snapshot, start) = (ekf.snapshot(), ekf.covariance().into_owned());
     // a DVL of four beams: 13 states seen, the others through the covariance
     let (m, w) = (4, 13.min(n));
     let mut update = Update::with_capacity(n, m);

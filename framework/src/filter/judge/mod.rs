@@ -14,7 +14,7 @@ pub(super) mod reject;
 pub(super) mod scatter;
 pub(super) mod signature;
 pub(super) mod slot;
-mod split;
+pub(in crate::filter) mod split;
 pub(super) mod stuck;
 pub(super) mod watch;
 mod whiteness;

@@ -8,6 +8,7 @@ use crate::filter::judge::signature::Signatures;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
 use crate::model::record::{Event, Level, Observer};
+use crate::state::covariance::Covariance;
 
 impl Ekf {
     /// The case that a sensor which is back after a silence or an isolation is wrong.
@@ -95,8 +96,15 @@ impl Ekf {
     /// Reports from now on the mixture of filter and branch, while there is a doubt.
     pub(in crate::filter) fn mix(&mut self) {
         let Parts { estimate, branch, .. } = &mut self.parts;
-        let doubted = branch.as_ref().filter(|branch| branch.is_in_doubt());
-        let mixed = doubted.map(|b| b.mixed(&estimate.covariance, b.weight()));
-        estimate.mixture = mixed;
+        estimate.mixture = mixture(branch.as_ref(), &estimate.covariance);
     }
+}
+
+/// The mixture of a filter with that covariance and the branch, while there is a doubt.
+pub(in crate::filter) fn mixture(
+    branch: Option<&Branch>,
+    covariance: &Covariance,
+) -> Option<Covariance> {
+    let doubted = branch.filter(|branch| branch.is_in_doubt());
+    doubted.map(|branch| branch.mixed(covariance, branch.weight()))
 }

@@ -201,7 +201,6 @@ impl Timeline {
         let (mut copy, start) = self.ahead.resume(|| ekf.snapshot());
         ekf.exchange(&mut copy);
         let replayed = self.replay(ekf, start);
-        ekf.settle(&mut ());
         let seen = ekf.running().then(|| look(&ekf.epoch()));
         ekf.exchange(&mut copy);
         // after a gap, the next replay begins at a snapshot before it

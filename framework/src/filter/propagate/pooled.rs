@@ -1,62 +1,56 @@
-//! A covariance rate below that of the driving sensor: the transitions of several steps as one.
+//! The covariance takes the steps between two uses of it as one: see [`Pool`].
 //!
-//! To first order, the product of the transitions `I + A_k` of short steps is `I + sum A_k`, and
-//! their process noise adds up. Products of two `A_k` are neglected: a tilt that turns into a
-//! velocity, which turns into a position, does so one pooled step later. The estimate itself takes
-//! every sample.
+//! The estimate itself takes every sample. A pool ends when it is full, before each use of the covariance, and
+//! where `covariance_rate` ends it.
 
 use crate::checkpoint::saved;
 use crate::compose::Composition;
-use crate::state::covariance::Transition;
+use crate::compose::covariance_rate::CovarianceRate;
+use crate::state::covariance::{Covariance, Pool, Transition};
 use crate::units::time::{Span, Time};
 
 /// The steps since the covariance was propagated.
 #[derive(Clone)]
 pub(super) struct PooledSteps {
-    /// Time between two propagations of the covariance.
-    period: Span,
-    /// Beginning of the first step, if there is one.
-    since: Option<Time>,
-    /// The transition over all steps.
-    whole: Transition,
-    /// The share of the identity in its elements.
-    identity: Vec<f64>,
+    /// Longest time between two propagations of the covariance.
+    period: Option<Span>,
+    /// Beginning of the first step.
+    since: Time,
+    pool: Pool,
 }
 
-saved!(PooledSteps { since, whole } except { period, identity });
+saved!(PooledSteps { since, pool } except { period });
 
 impl PooledSteps {
-    /// The pool of a composition that sets a covariance rate.
+    /// An empty pool; `None` where the covariance takes every step by itself.
     pub(super) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
-        let period = composition.estimator.covariance_period()?;
-        let identity = transition.identity();
-        Some(Self { period, since: None, whole: transition.clone(), identity })
+        let period = match composition.estimator.covariance_rate() {
+            CovarianceRate::EverySample => return None,
+            CovarianceRate::Least(rate) => Span::from_seconds(1.0 / rate.value().si()),
+            CovarianceRate::Bounded => None,
+        };
+        let pool = Pool::new(&composition.layout, transition);
+        Some(Self { period, since: Time::MIN, pool })
     }
 
     /// Adds the step of a transition from one time to another. Returns `true` when the covariance
     /// is due.
     pub(super) fn add(&mut self, transition: &Transition, from: Time, to: Time) -> bool {
-        match self.since {
-            None => self.whole.copy_step(transition),
-            Some(_) => self.whole.add_step(transition, &self.identity),
+        if self.pool.is_empty() {
+            self.since = from;
         }
+        let full = self.pool.add(transition);
         // the step after this one, if as long as this one, would end too late
-        to + (to - from) - *self.since.get_or_insert(from) > self.period
-    }
-
-    /// The transition over all steps.
-    pub(super) fn whole(&self) -> &Transition {
-        &self.whole
+        full || self.period.is_some_and(|period| to + (to - from) - self.since > period)
     }
 
     /// Returns `true` if the covariance has not taken all steps.
     pub(super) fn holds_steps(&self) -> bool {
-        self.since.is_some()
+        !self.pool.is_empty()
     }
 
-    /// Ends the steps: the covariance takes them with the transition that is returned.
-    pub(super) fn take(&mut self) -> &mut Transition {
-        self.since = None;
-        &mut self.whole
+    /// Moves a covariance over the steps: see [`Pool::take`].
+    pub(super) fn take(&mut self, covariance: &mut Covariance) -> &mut Transition {
+        self.pool.take(covariance)
     }
 }

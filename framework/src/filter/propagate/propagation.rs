@@ -62,9 +62,14 @@ impl Propagation {
         }
     }
 
-    /// Transition of the last step of the covariance.
+    /// Lets the covariance take every step by itself.
+    pub(in crate::filter) fn take_every_step(&mut self) {
+        self.pool = None;
+    }
+
+    /// Transition of the last step of the state.
     pub(in crate::filter) fn transition(&self) -> &Transition {
-        self.pool.as_ref().map_or(&self.transition, PooledSteps::whole)
+        &self.transition
     }
 
     /// Moves the state to the end of an interval. Returns `true` when the covariance is due.
@@ -96,15 +101,23 @@ impl Propagation {
         stepper: &Stepper,
         covariance: &mut Covariance,
     ) -> &mut Transition {
-        let transition = match &mut self.pool {
-            None => &mut self.transition,
-            Some(pool) => pool.take(),
-        };
-        match stepper.method {
-            Method::Linear => transition.propagate(covariance),
-            Method::SigmaPoints(_) => {} // the points have moved it
+        match (&mut self.pool, &stepper.method) {
+            (Some(pool), _) => return pool.take(covariance),
+            (None, Method::Linear) => self.transition.propagate(covariance),
+            (None, Method::SigmaPoints(_)) => {} // the points have moved it
         }
-        transition
+        &mut self.transition
+    }
+
+    /// Moves a copy of the covariance over the steps that it has not taken, and shows their transition.
+    pub(in crate::filter) fn preview(
+        &self,
+        covariance: &mut Covariance,
+        moved: impl FnOnce(&mut Transition),
+    ) {
+        if let Some(mut pool) = self.pool.clone() {
+            moved(pool.take(covariance));
+        }
     }
 
     /// Returns `true` if the covariance is behind the state.

@@ -28,13 +28,13 @@ pub struct Transition {
     /// `(row, column)` of each element.
     pub(super) places: Vec<(usize, usize)>,
     /// The values of all declared blocks of `Q`.
-    q: Vec<f64>,
+    pub(super) q: Vec<f64>,
     /// `(offset in q, first row, dimension)` of each block of `Q`.
-    noise: Vec<(usize, usize, usize)>,
+    pub(super) noise: Vec<(usize, usize, usize)>,
     /// Additional process noise as a share of the models' `q`.
-    excess: f64,
+    pub(super) excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
-    own: Vec<Own>,
+    pub(super) own: Vec<Own>,
     /// Effect of the driving samples.
     pub(super) inputs: Inputs,
     pub(super) kernel: Kernel,
@@ -44,14 +44,21 @@ saved!(Transition { excess, inputs } each { phi, q, own } except { places, noise
 
 /// One axis of a block with dynamics of its own.
 #[derive(Clone, Debug)]
-struct Own {
-    row: usize,
+pub(super) struct Own {
+    pub(super) row: usize,
     /// Index of its decay in `Transition::phi`.
     phi: Option<usize>,
-    q: f64,
+    pub(super) q: f64,
 }
 
 saved!(Own { q } except { row, phi });
+
+impl Own {
+    /// The axis with its noise alone.
+    pub(super) fn without_decay(&self) -> Self {
+        Self { row: self.row, phi: None, q: 0.0 }
+    }
+}
 
 impl Transition {
     /// Declares a block of `Phi` with rows of `row` and columns of `column` (first tangent index,
@@ -206,8 +213,13 @@ impl Transition {
 
     /// `P = P + Q`.
     pub(crate) fn add_noise(&self, covariance: &mut Covariance) {
+        self.add_share_of_noise(1.0, covariance);
+    }
+
+    /// Adds a share of `Q`.
+    pub(super) fn add_share_of_noise(&self, part: f64, covariance: &mut Covariance) {
         let (stride, p) = (covariance.stride, &mut covariance.p);
-        let share = 1.0 + self.excess;
+        let share = part * (1.0 + self.excess);
         for &(at, row, size) in &self.noise {
             let (q, p) = (&self.q[at..at + size * size], &mut p[row * stride..][..size * stride]);
             match (q.first_chunk::<9>(), size) {
@@ -216,7 +228,7 @@ impl Transition {
             }
         }
         for own in &self.own {
-            p[own.row * stride + own.row] += own.q;
+            p[own.row * stride + own.row] += part * own.q;
         }
     }
 
@@ -279,29 +291,6 @@ impl Transition {
             || self.noise.iter().any(|n| rows.contains(&n.1))
     }
 
-    /// Copies the step of a transition with the same places.
-    pub(crate) fn copy_step(&mut self, step: &Self) {
-        self.phi.copy_from_slice(&step.phi);
-        self.q.fill(0.0);
-        self.own.iter_mut().for_each(|own| own.q = 0.0);
-        self.add_step_noise(step);
-    }
-
-    /// Adds the step of a transition with the same places, to first order: the changes of the error
-    /// states add up, and so does the process noise.
-    pub(crate) fn add_step(&mut self, step: &Self, identity: &[f64]) {
-        for ((phi, step), identity) in self.phi.iter_mut().zip(&step.phi).zip(identity) {
-            *phi += step - identity;
-        }
-        self.add_step_noise(step);
-    }
-
-    fn add_step_noise(&mut self, step: &Self) {
-        let share = 1.0 + step.excess;
-        self.q.iter_mut().zip(&step.q).for_each(|(q, step)| *q += share * step);
-        self.own.iter_mut().zip(&step.own).for_each(|(own, step)| own.q += step.q);
-    }
-
     /// Adds the elements of the last step's `Phi` to `sum`, as far as `sum` goes.
     pub(crate) fn add_to(&self, sum: &mut [f64]) {
         vectorised(
@@ -311,6 +300,15 @@ impl Transition {
                 sum.iter_mut().zip(phi).for_each(|(sum, phi)| *sum += phi);
             },
         );
+    }
+
+    /// Computes the variance of the noise of each error state.
+    pub(super) fn noise_variances(&self, variances: &mut [f64]) {
+        variances.fill(0.0);
+        for &(at, row, size) in &self.noise {
+            (0..size).for_each(|i| variances[row + i] += self.q[at + i * size + i]);
+        }
+        self.own.iter().for_each(|own| variances[own.row] += own.q);
     }
 
     /// Computes the density of the models' process noise in a step of `dt` seconds: for each error
@@ -419,17 +417,5 @@ mod tests {
         let mut transition = transition(0.5);
         transition.scale_noise(3.0);
         assert_eq!(noise(&transition), [[36.0, 9.0, 0.0], [9.0, 18.0, 0.0], [0.0, 0.0, 0.5]]);
-    }
-
-    #[test]
-    fn the_noise_of_two_steps_is_the_sum() {
-        let (mut first, mut second) = (transition(0.5), transition(0.25));
-        second.scale_noise(3.0);
-        let mut sum = first.clone();
-        sum.copy_step(&first);
-        sum.add_step(&second, &[]);
-        assert_eq!(noise(&sum), [[40.0, 10.0, 0.0], [10.0, 20.0, 0.0], [0.0, 0.0, 0.75]]);
-        first.copy_step(&second);
-        assert_eq!(noise(&first), noise(&second), "a copy of the step replaces the noise");
     }
 }

@@ -43,7 +43,7 @@ fn shown(ekf: &Ekf, name: &str) -> [[f64; 3]; 2] {
     let block = ekf.layout().blocks.iter().find(|b| b.name == name).unwrap();
     let (mut values, mut sigma) = ([0.0; 3], [0.0; 3]);
     block.show(&ekf.state().values, &mut values);
-    block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+    block.show_sigma(&ekf.state().values, &ekf.covariance(), &mut sigma);
     [values, sigma]
 }
 

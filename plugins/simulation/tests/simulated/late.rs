@@ -162,7 +162,7 @@ fn numbers_of_estimate(epoch: &Epoch<'_>) -> (Time, Vec<u64>) {
 
 fn estimate(ekf: &Ekf) -> (Time, Vec<u64>) {
     let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
-    numbers(&Epoch { layout, state, covariance, truth: None })
+    numbers(&Epoch { layout, state, covariance: &covariance, truth: None })
 }
 
 /// Estimate of a filter that takes the samples in order, if it runs. It ends at a gap of the IMU,

@@ -16,4 +16,5 @@ mod late;
 mod navigation;
 mod noise_free;
 mod past;
+mod pooled;
 mod time_offset;
