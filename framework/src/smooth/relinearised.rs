@@ -341,7 +341,7 @@ impl Record {
             // the trajectory ends at the estimate of the pass before, and the offset is the change
             let mut change = Change::default();
             for (i, d) in ekf.offset().iter().enumerate() {
-                let variance = ekf.covariance().get(i, i);
+                let variance = ekf.propagated().get(i, i);
                 if variance > 0.0 {
                     change.take(d.abs() / variance.sqrt(), i, ekf.state().time);
                 }

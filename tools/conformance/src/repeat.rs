@@ -41,8 +41,9 @@ fn feed(ekf: &mut Ekf, samples: &[Sample]) -> Result<(), Failure> {
 
 /// All numbers of a filter, bit by bit.
 fn bits(ekf: &Ekf) -> Vec<u64> {
-    let (state, n) = (ekf.state(), ekf.covariance().dimension());
-    let covariance = (0..n * n).map(|k| ekf.covariance().get(k / n, k % n));
+    let (state, covariance) = (ekf.state(), ekf.covariance());
+    let n = covariance.dimension();
+    let covariance = (0..n * n).map(|k| covariance.get(k / n, k % n));
     state.values.iter().chain(&state.signals).copied().chain(covariance).map(f64::to_bits).collect()
 }
 
