@@ -10,13 +10,13 @@ use std::fmt;
 /// How often the covariance is propagated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum CovarianceRate {
-    /// As often as the terms that a pool of steps neglects demand.
+    /// With every sample of the driving sensor.
     #[default]
+    EverySample,
+    /// As often as the terms that a pool of steps neglects demand.
     Bounded,
     /// As above, and at least at this rate.
     Least(Positive<Frequency>),
-    /// With every sample of the driving sensor.
-    EverySample,
 }
 
 impl<'de> Deserialize<'de> for CovarianceRate {
@@ -25,13 +25,16 @@ impl<'de> Deserialize<'de> for CovarianceRate {
         impl Visitor<'_> for Form {
             type Value = CovarianceRate;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a rate, such as \"5 Hz\", or \"every sample\"")
+                f.write_str("a rate, such as \"5 Hz\", \"bounded\" or \"every sample\"")
             }
             fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<CovarianceRate, E> {
-                if text == "every sample" {
-                    return Ok(CovarianceRate::EverySample);
+                match text {
+                    "every sample" => Ok(CovarianceRate::EverySample),
+                    "bounded" => Ok(CovarianceRate::Bounded),
+                    rate => {
+                        Positive::deserialize(rate.into_deserializer()).map(CovarianceRate::Least)
+                    }
                 }
-                Ok(CovarianceRate::Least(Positive::deserialize(text.into_deserializer())?))
             }
         }
         deserializer.deserialize_any(Form)
@@ -45,8 +48,8 @@ impl JsonSchema for CovarianceRate {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let rate = Positive::<Frequency>::json_schema(generator);
         schemars::json_schema!({
-            "description": "Least rate, or \"every sample\"",
-            "anyOf": [rate, { "const": "every sample" }]
+            "description": "Least rate, \"bounded\" or \"every sample\"",
+            "anyOf": [rate, { "enum": ["bounded", "every sample"] }]
         })
     }
 }

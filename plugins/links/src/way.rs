@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// A way out, which never makes the filter wait.
-pub trait Way: Send {
+pub(crate) trait Way: Send {
     /// Sends the bytes of one estimate.
     ///
     /// # Errors

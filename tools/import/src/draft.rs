@@ -462,9 +462,8 @@ fn path(part: &Part) -> String {
 }
 
 fn questions(out: &mut Text, part: &Part) {
-    for question in &part.found.questions {
-        let question = comment(question);
-        let _ = writeln!(out.text, "{MARK} {question}");
+    for question in part.found.questions.iter().map(|question| comment(question)) {
+        out.line(&format!("{MARK} {question}"));
         out.questions.push(format!("{}: {question}", part.name));
     }
     out.line("");

@@ -13,6 +13,7 @@ use navfuse_core::units::time::Time;
 const SCENARIO: &str = include_str!("../../../../scenarios/time-offset.toml");
 
 const EVERY: &str = "estimator.covariance_rate='every sample'";
+const BOUNDED: &str = "estimator.covariance_rate='bounded'";
 
 fn assemble(settings: &[&str]) -> Assembly {
     let mut registry = Registry::new();
@@ -60,8 +61,8 @@ fn a_covariance_that_takes_several_steps_as_one_changes_neither_estimate_nor_sig
         }
         (steps.0, rows)
     };
-    let (every, full) = run(&["estimator.covariance_rate='every sample'"]);
-    let (fewer, pooled) = run(&[]);
+    let (every, full) = run(&[EVERY]);
+    let (fewer, pooled) = run(&[BOUNDED]);
     // samples of DVL and depth sensor end the pools
     assert!(fewer < every / 4, "{fewer} propagations of the covariance instead of {every}");
     for ((name, full, sigma), (_, pooled, pooled_sigma)) in full.iter().zip(&pooled) {
@@ -87,7 +88,7 @@ impl Observer for Steps {
 #[test]
 fn the_covariance_of_a_violent_motion_is_that_of_every_step() {
     for (rate, seed) in [(10, 1), (50, 2), (200, 3), (1000, 4), (100, 5), (100, 6)] {
-        let ends = [EVERY, "name='pooled'"].map(|pooling| {
+        let ends = [EVERY, BOUNDED].map(|pooling| {
             let rate = format!("sensor.imu.simulation.rate='{rate} Hz'");
             let settings = [
                 pooling,
