@@ -18,3 +18,20 @@ mod noise_free;
 mod past;
 mod pooled;
 mod time_offset;
+
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
+
+/// Every sample of the assembly up to `to` seconds, in order of time.
+fn samples(assembly: &mut Assembly, to: f64) -> Vec<Sample> {
+    let mut all = Vec::new();
+    for (_, source) in &mut assembly.sources {
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        while source.next(&mut sample).unwrap() && sample.time.seconds() < to {
+            all.push(sample);
+        }
+    }
+    all.sort_by_key(|s| s.time);
+    all
+}

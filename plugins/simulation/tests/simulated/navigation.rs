@@ -1,4 +1,5 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
+use crate::samples;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::{Observer, Outcome, Record, UpdateRecord};
 use navfuse_core::model::sensor::Role;
@@ -7,7 +8,6 @@ use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use navfuse_core::run::runner;
-use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::State;
 use navfuse_core::state::manifold::{Manifold, Rotation};
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -349,19 +349,6 @@ fn the_covariance_stays_positive_definite_when_the_dvl_is_lost_for_hours() {
     let (_, smallest, north) = day(&[lost]);
     assert!(smallest > CERTAINLY_POSITIVE, "{smallest:e}");
     assert!(north > 1000.0, "the run is poor in information: {north} m");
-}
-
-/// Every sample of the assembly up to `to` seconds, in order of time.
-fn samples(assembly: &mut Assembly, to: f64) -> Vec<Sample> {
-    let mut all = Vec::new();
-    for (_, source) in &mut assembly.sources {
-        let mut sample = Sample::empty(Time::MIN, SensorId(0));
-        while source.next(&mut sample).unwrap() && sample.time.seconds() < to {
-            all.push(sample);
-        }
-    }
-    all.sort_by_key(|s| s.time);
-    all
 }
 
 #[test]

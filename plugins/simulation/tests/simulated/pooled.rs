@@ -1,51 +1,23 @@
 //! The covariance takes the steps between two updates as one: against every step by itself.
 
-use navfuse_core::document::Document;
+use crate::samples;
+use crate::time_offset::assemble;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::Observer;
 use navfuse_core::model::simulate::Random;
-use navfuse_core::plugin::Registry;
-use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::covariance::Transition;
-use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
-
-const SCENARIO: &str = include_str!("../../../../scenarios/time-offset.toml");
 
 const EVERY: &str = "estimator.covariance_rate='every sample'";
 const BOUNDED: &str = "estimator.covariance_rate='bounded'";
-
-fn assemble(settings: &[&str]) -> Assembly {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_doppler::DvlPlugin)
-        .add(&navfuse_depth::DepthPlugin)
-        .add(&navfuse_simulation::SimulationPlugin);
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let document = Document::parse("test.toml", SCENARIO).unwrap();
-    Scenario::new(&registry, document, &settings).unwrap().assemble(None).unwrap()
-}
-
-/// Every sample of the assembly up to `to` seconds, in order of time.
-fn samples(assembly: &mut Assembly, to: f64) -> Vec<Sample> {
-    let mut all = Vec::new();
-    for (_, source) in &mut assembly.sources {
-        let mut sample = Sample::empty(Time::MIN, SensorId(0));
-        while source.next(&mut sample).unwrap() && sample.time.seconds() < to {
-            all.push(sample);
-        }
-    }
-    all.sort_by_key(|s| s.time);
-    all
-}
 
 /// Each pool of steps neglects at most a millionth of a sigma, most of them far less, and updates
 /// forget what pools before them neglected.
 #[test]
 fn a_covariance_that_takes_several_steps_as_one_changes_neither_estimate_nor_sigma() {
     let run = |rate: &[&str]| {
-        let mut assembly = assemble(rate);
+        let mut assembly = assemble(rate).unwrap();
         let all = samples(&mut assembly, 900.0);
         let mut ekf = Ekf::new(assembly.composition);
         let mut steps = Steps::default();
@@ -97,7 +69,7 @@ fn the_covariance_of_a_violent_motion_is_that_of_every_step() {
                 "sensor.dvl.enabled=false",
                 "estimator.start='1 s'",
             ];
-            let mut assembly = assemble(&settings);
+            let mut assembly = assemble(&settings).unwrap();
             let all = samples(&mut assembly, 21.0);
             let imu = assembly.composition.sensors.iter().position(|s| s.info.name == "imu");
             let (mut ekf, mut steps) = (Ekf::new(assembly.composition), Steps::default());

@@ -1,17 +1,16 @@
 //! A sensor that lags: its Jacobian, its cost, its snapshot, and where the key is refused.
 
+use crate::samples;
 use navfuse_core::document::Document;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::covariance::Update;
-use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
 
 const SCENARIO: &str = include_str!("../../../../scenarios/time-offset.toml");
 
-fn assemble(settings: &[&str]) -> Result<Assembly, String> {
+pub(crate) fn assemble(settings: &[&str]) -> Result<Assembly, String> {
     assemble_text(SCENARIO, settings)
 }
 
@@ -26,19 +25,6 @@ fn assemble_text(text: &str, settings: &[&str]) -> Result<Assembly, String> {
     let document = Document::parse("test.toml", text).unwrap();
     let scenario = Scenario::new(&registry, document, &settings).unwrap();
     scenario.assemble(None).map_err(|e| e.to_string())
-}
-
-/// Every sample of the assembly up to `to` seconds, in order of time.
-fn samples(assembly: &mut Assembly, to: f64) -> Vec<Sample> {
-    let mut all = Vec::new();
-    for (_, source) in &mut assembly.sources {
-        let mut sample = Sample::empty(Time::MIN, SensorId(0));
-        while source.next(&mut sample).unwrap() && sample.time.seconds() < to {
-            all.push(sample);
-        }
-    }
-    all.sort_by_key(|s| s.time);
-    all
 }
 
 /// The last innovation and Jacobian.
