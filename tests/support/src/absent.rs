@@ -19,6 +19,8 @@ pub enum Need {
     Browser,
     /// The rerun viewer with a Vulkan driver.
     Viewer,
+    /// A version of the viewer that is later than the one that writes the recordings.
+    LaterViewer,
     /// The batch system Slurm.
     Slurm,
     /// Valgrind, which counts instructions.

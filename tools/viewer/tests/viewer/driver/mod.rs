@@ -36,30 +36,37 @@ pub fn target(name: &str) -> PathBuf {
     folder
 }
 
-fn succeeds(command: &mut Command) -> bool {
-    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
-}
-
 /// The program of the first of [`VERSIONS`]; see [`programs`].
 pub fn program() -> Option<PathBuf> {
     programs()?.into_iter().next()
 }
 
-/// The programs of all [`VERSIONS`], with a Vulkan driver for them; without either, the test is
-/// skipped. `RERUN_BIN` lists the paths of programs to use instead.
+/// The programs of [`VERSIONS`], or those whose paths `RERUN_BIN` lists. Without the first or a
+/// Vulkan driver, the test is skipped. An index of packages may lack a later one: a skip of its own.
 ///
 /// The tests of a process run at the same time: one of them fetches, the others wait.
 pub fn programs() -> Option<Vec<PathBuf>> {
-    static PROGRAMS: LazyLock<Result<Vec<PathBuf>, String>> = LazyLock::new(|| {
+    static PROGRAMS: LazyLock<Vec<Result<PathBuf, String>>> = LazyLock::new(|| {
         if !vulkan() {
-            return Err("no Vulkan driver; install mesa-vulkan-drivers".to_owned());
+            return vec![Err("no Vulkan driver; install mesa-vulkan-drivers".to_owned())];
         }
         match std::env::var_os("RERUN_BIN") {
-            Some(given) => Ok(std::env::split_paths(&given).collect()),
+            Some(given) => std::env::split_paths(&given).map(Ok).collect(),
             None => VERSIONS.into_iter().map(fetched).collect(),
         }
     });
-    PROGRAMS.as_ref().map_err(|why| skip(Need::Viewer, why)).cloned().ok()
+    let mut found = Vec::new();
+    for program in PROGRAMS.iter() {
+        match program {
+            Ok(program) => found.push(program.clone()),
+            Err(why) if found.is_empty() => {
+                skip(Need::Viewer, why);
+                return None;
+            }
+            Err(why) => skip(Need::LaterViewer, why),
+        }
+    }
+    Some(found)
 }
 
 /// Whether a Vulkan driver is installed.
@@ -73,20 +80,18 @@ fn fetched(version: &str) -> Result<PathBuf, String> {
     let folder = target(&format!("rerun-viewer-{version}"));
     let program = folder.join("rerun");
     if !program.exists() {
-        let wheel = format!("rerun-sdk=={version}");
         let part = target(&format!("rerun-viewer-{version}/part"));
-        let unzip = "unzip -o -j rerun_sdk-*.whl '*rerun_cli/rerun' && chmod +x rerun";
-        let fetched = succeeds(
-            Command::new("pip")
-                .args(["download", "--no-deps", &wheel, "-d", "."])
-                .current_dir(&part),
-        ) && succeeds(Command::new("sh").args(["-c", unzip]).current_dir(&part))
-            && std::fs::rename(part.join("rerun"), &program).is_ok();
+        let shell = format!(
+            "pip download --quiet --no-deps rerun-sdk=={version} -d . && \
+             unzip -q -o -j rerun_sdk-*.whl '*rerun_cli/rerun' && chmod +x rerun && mv rerun .."
+        );
+        let shell = Command::new("sh").args(["-c", &shell]).current_dir(&part).output();
         let _ = std::fs::remove_dir_all(&part);
-        if !fetched {
-            return Err(format!(
-                "no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and `unzip` work"
-            ));
+        let said = shell.map_err(|e| e.to_string())?;
+        if !said.status.success() {
+            let said = String::from_utf8_lossy(&said.stderr);
+            let said = said.trim().replace('\n', "; ");
+            return Err(format!("no viewer {version}; set RERUN_BIN, or mend: {said}"));
         }
     }
     Ok(program)
