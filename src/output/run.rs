@@ -150,10 +150,10 @@ fn grounds(verdict: &Verdict) {
 
 /// Prints the answers to the three questions, a line for each.
 fn answers(answers: &Answers) {
-    let Answers { usable, because, sigma, change } = answers;
-    let because = if because.is_empty() { String::new() } else { format!(", {because}") };
-    line(format_args!("usable: {}{because}", usable.words()));
-    line(format_args!("sigma:  {}", sigma.words()));
+    let Answers { usable, because, sigma, sigma_because, change } = answers;
+    let more = |text: &str| if text.is_empty() { String::new() } else { format!(", {text}") };
+    line(format_args!("usable: {}{}", usable.words(), more(because)));
+    line(format_args!("sigma:  {}{}", sigma.words(), more(sigma_because)));
     let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     line(format_args!("change: {}", parts.join(", ")));
 }

@@ -2,6 +2,7 @@
 
 use crate::compose::Composition;
 use crate::model::stream::RunInfo;
+use crate::session::verdict::accuracy;
 
 /// The facts about a run that its sinks receive first.
 pub(super) fn run_info(composition: &Composition) -> RunInfo {
@@ -12,6 +13,7 @@ pub(super) fn run_info(composition: &Composition) -> RunInfo {
         seed: composition.seed,
         simulated: composition.simulated,
         smoothed: composition.estimator.smooths(),
+        reference: accuracy(composition).map(|(_, accuracy)| accuracy),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),

@@ -309,6 +309,7 @@ fn cart() -> RunInfo {
         seed: 0,
         simulated: false,
         smoothed: false,
+        reference: None,
         version: String::new(),
         layout: (*compose(SCENARIO, &[]).layout).clone(),
         sensors: Vec::new(),

@@ -2,6 +2,7 @@
 
 use crate::blueprint::{Layout, height};
 use crate::innovation::SensorSeries;
+use crate::legend;
 use crate::map::Graticule;
 use crate::run::Run;
 use crate::samples::SampleSeries;
@@ -32,8 +33,7 @@ const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Height of a small window (1280x720) and of a usual one (1600x1000) without their panels, pixels.
-const SMALL: f64 = 620.0;
+/// Height of a usual window (1600x1000) without its panels, pixels.
 const USUAL: f64 = 900.0;
 /// Least and greatest share of the lanes in the height: beside the lowest ones the error from -4 to
 /// 4 sigma has a number at every sigma of a usual window; above the highest ones the page has room.
@@ -118,7 +118,7 @@ impl Layout {
         all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
     }
 
-    /// Track, verdict, health of the sensors and the worst state on one page.
+    /// Track, verdict, health of the sensors, the worst state and all states on one page.
     fn overview(&mut self, run: &Run) -> ContainerLike {
         let page = ContainerLike::from(
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
@@ -142,22 +142,26 @@ impl Layout {
             _ => page,
         };
         let share = share_of(run.lanes.len());
-        let mut below = vec![match self.latest {
-            Some(_) => self.plot("Health of the sensors", &["+ /live/health/**".to_owned()], None),
-            None => self.lanes("Health of the sensors", &["+ /health/**".to_owned()]),
-        }];
+        // what the colours mean stands on a strip of its own, and in the title while the run goes on
+        let title = match self.ranges {
+            true => "Health of the sensors".to_owned(),
+            false => format!("Health: {}", legend::in_words()),
+        };
+        let strips = ["/clock", "/colours", "/health/**"].map(|of| format!("+ {of}"));
+        let mut below = vec![self.lanes(&title, &strips)];
+        let mut shares = vec![1.4];
         if let Some((b, k)) = run.worst
             && let Some(plots) = &run.blocks[b].components[k].plots
         {
             let block = &run.blocks[b];
-            let name = format!("Worst state: {}", block.full_name(k));
+            let name = format!("Worst: {}", block.full_name(k));
             self.legend = true;
             // without a truth the worst state is the one whose sigma fell least
             let (leaf, name, range) = match block.components[k].tally.worst {
                 Some((size, _)) => {
                     let size = size.max(4.0);
                     self.corner = plots.corners.normalised;
-                    let name = format!("{name}, {} in sigma", block.compared);
+                    let name = format!("{name}, {}", block.ratio());
                     ("normalised", name, [-size, size])
                 }
                 None => {
@@ -168,8 +172,14 @@ impl Layout {
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
             below.push(self.plot_of(&name, &contents, Some(range), None, share * USUAL - 46.0));
+            shares.push(1.0);
         }
-        let below = Horizontal::new(below).with_column_shares(vec![1.4, 1.0]).into();
+        if self.ranges {
+            let states = TextDocumentView::new("States at the end").with_origin("/states");
+            below.push(states.into());
+            shares.push(1.1);
+        }
+        let below = Horizontal::new(below).with_column_shares(shares).into();
         let shares = [1.0 - share, share].map(|share| share as f32);
         Vertical::new([top, below]).with_row_shares(shares).with_name("Overview").into()
     }
@@ -418,9 +428,10 @@ fn powers(unit: &str) -> String {
     if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
 }
 
-/// The share of that many lanes in the height of the overview: each is visible in a small window.
+/// The share of that many lanes, and those of the time and of the colours, in the height of the
+/// overview: each is visible in a usual window.
 fn share_of(lanes: usize) -> f64 {
-    ((LANE[0] * lanes as f64 + LANE[1]) / SMALL).clamp(LANES[0], LANES[1])
+    ((LANE[0] * (lanes + 2) as f64 + LANE[1]) / USUAL).clamp(LANES[0], LANES[1])
 }
 
 /// The eye at a distance from a place.
@@ -446,10 +457,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn six_sensors_fit_into_a_small_window_and_the_page_has_more_than_half() {
-        for lanes in 1..=6 {
+    fn seven_sensors_fit_into_a_window_and_the_page_has_more_than_half() {
+        for lanes in 1..=7 {
             let share = share_of(lanes);
-            assert!(share * SMALL >= LANE[0] * lanes as f64 + LANE[1] - 1e-9, "{lanes}: {share}");
+            let strips = LANE[0] * (lanes + 2) as f64 + LANE[1];
+            assert!(share * USUAL >= strips - 1e-9, "{lanes}: {share}");
             assert!(share < 0.5, "{lanes}: {share}");
         }
     }

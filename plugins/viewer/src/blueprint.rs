@@ -13,7 +13,7 @@ use re_sdk::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamRe
 use re_sdk_types::blueprint::archetypes::{
     PlotLegend, ScalarAxis, TextLogColumns, TimeAxis, ViewBlueprint,
 };
-use re_sdk_types::blueprint::components::{TextLogColumn, TimelineColumn};
+use re_sdk_types::blueprint::components::{LinkAxis, TextLogColumn, TimelineColumn};
 use re_sdk_types::blueprint::datatypes::{self, TextLogColumnKind};
 use re_sdk_types::datatypes::{TimeInt, TimeRange, TimeRangeBoundary};
 
@@ -149,8 +149,12 @@ impl Layout {
             let class = ViewBlueprint::update_fields().with_class_identifier(class);
             self.properties.push((view.blueprint_path(), Box::new(class)));
         }
-        // viewers since 0.41 show 30 s around the cursor without it
-        let time = TimeAxis::new().with_view_range(self.range_of_time(None));
+        // viewers since 0.41 show 30 s around the cursor without it. In a run that goes on, strips keep
+        // the range of their begin, unless they have the one of all views: the whole recording
+        let time = match self.ranges {
+            true => TimeAxis::new().with_view_range(self.range_of_time(None)),
+            false => TimeAxis::new().with_link(LinkAxis::LinkToGlobal),
+        };
         self.set(&view, "TimeAxis", time);
         view
     }

@@ -1,15 +1,14 @@
-//! The uncertainty along the track: ellipses of 3 sigma from above and on the map, and ellipsoids in
-//! three dimensions.
+//! The uncertainty along the track: ellipses of 3 sigma from above, on the map and in three dimensions,
+//! and a tube of 3 sigma around the track.
 
 use crate::plan;
 use crate::recording::Recording;
 use crate::style::{Colour, path};
 use crate::track::{Motion, Pose};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::nalgebra::{Matrix2, Quaternion, Rotation3, UnitQuaternion, Vector2};
-use re_sdk_types::archetypes::{Ellipsoids3D, GeoLineStrings, LineStrips2D};
-use re_sdk_types::components::{DrawOrder, FillMode, Radius};
-use re_sdk_types::datatypes;
+use navfuse_core::nalgebra::{Matrix2, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
+use re_sdk_types::archetypes::{GeoLineStrings, LineStrips2D, LineStrips3D};
+use re_sdk_types::components::{DrawOrder, Radius};
 use std::f64::consts::TAU;
 
 /// Colour of ellipses and ellipsoids.
@@ -18,6 +17,14 @@ pub const ELLIPSOID: Colour = [86, 180, 233];
 const COUNT: f32 = 24.0;
 /// Number of corners of an ellipse.
 const CORNERS: usize = 32;
+/// Greatest half axis of the ellipses after the begin of a run, as a share of the longest side.
+const USUAL: f32 = 0.06;
+/// Greatest half axis of an ellipse that is drawn enlarged, as a share of the longest side: the one of a
+/// prior would surround the whole track.
+const LARGEST: f32 = 0.1;
+/// Greatest number of poses of the tube, and its colour.
+const POSES: usize = 300;
+const TUBE: Colour = [52, 108, 140];
 /// Length of a degree of latitude, m: the ellipses are small.
 const METRES_PER_DEGREE: f64 = 111_200.0;
 
@@ -27,13 +34,20 @@ pub fn enlargement(track: &Motion) -> f32 {
     let Some((_, side)) = track.extent.middle() else { return 1.0 };
     let later = track.poses.iter().skip(track.poses.len() / 10);
     let largest = later.flat_map(|p| p.ellipsoid.0).fold(f32::MIN_POSITIVE, f32::max);
-    10f32.powf((0.1 * side / largest).log10().floor()).max(1.0)
+    10f32.powf((USUAL * side / largest).log10().floor()).max(1.0)
 }
 
 /// Draws the uncertainty along the track, enlarged as around the vehicle.
 pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     let enlarged = enlargement(track);
-    let poses = spaced(&track.poses.iter().collect::<Vec<_>>(), enlarged);
+    let all: Vec<Pose> = track.poses.iter().collect();
+    let side = track.extent.middle().map_or(0.0, |(_, side)| side);
+    let fits = |pose: &Pose| {
+        let size = enlarged * pose.ellipsoid.0.into_iter().fold(0.0, f32::max);
+        enlarged <= 1.0 || size <= LARGEST * side
+    };
+    let sizable: Vec<Pose> = all.iter().copied().filter(fits).collect();
+    let poses = spaced(&sizable, enlarged);
     let outlines: Vec<_> = poses.iter().map(|p| outline(p, enlarged)).collect();
     let thin = Radius::new_ui_points(0.6);
     let above = |(pose, outline): (&Pose, &Vec<[f64; 2]>)| {
@@ -56,14 +70,61 @@ pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
         .with_colors([ELLIPSOID])
         .with_radii([thin]);
     recording.log_static(&path(&["map", "ellipses"]), &lines)?;
-    let half = poses.iter().map(|p| p.ellipsoid.0.map(|h| h * enlarged));
-    let ellipsoids =
-        Ellipsoids3D::from_centers_and_half_sizes(poses.iter().map(|p| p.place.ned), half)
-            .with_quaternions(poses.iter().map(|p| datatypes::Quaternion::from_xyzw(p.ellipsoid.1)))
-            .with_colors([ELLIPSOID])
-            .with_line_radii([Radius::new_ui_points(0.4)])
-            .with_fill_mode(FillMode::MajorWireframe);
-    recording.log_static(&path(&["world", "ellipsoids"]), &ellipsoids)
+    // flat ones: where depths are enlarged, an ellipsoid becomes a spindle
+    let in_space = |(pose, outline): (&Pose, &Vec<[f64; 2]>)| {
+        let [north, east, down] = pose.place.ned;
+        let corner = |p: &[f64; 2]| [north + p[0] as f32, east + p[1] as f32, down];
+        outline.iter().map(corner).collect::<Vec<_>>()
+    };
+    let lines = LineStrips3D::new(poses.iter().zip(&outlines).map(in_space))
+        .with_colors([ELLIPSOID])
+        .with_radii([thin]);
+    recording.log_static(&path(&["world", "ellipses"]), &lines)?;
+    let every = all.len().div_ceil(POSES).max(1);
+    let along: Vec<Pose> = all.into_iter().step_by(every).collect();
+    let lines = LineStrips3D::new(tube(&along, enlarged, fits))
+        .with_colors([TUBE])
+        .with_radii([Radius::new_ui_points(0.5)]);
+    recording.log_static(&path(&["world", "tube"]), &lines)
+}
+
+/// The lines of the tube: left and right of the track, above and below it, each at the distance at which
+/// the ellipsoid of 3 sigma ends in that direction. They break where an ellipsoid is too large.
+fn tube(poses: &[Pose], enlarged: f32, fits: impl Fn(&Pose) -> bool) -> Vec<Vec<[f32; 3]>> {
+    let mut lines = vec![Vec::new(); 4];
+    let mut broken: Vec<Vec<[f32; 3]>> = Vec::new();
+    for pair in poses.windows(2) {
+        let [from, to] = [pair[0].place.ned, pair[1].place.ned];
+        let (north, east) = (to[0] - from[0], to[1] - from[1]);
+        let length = north.hypot(east);
+        if length <= 0.0 {
+            continue;
+        }
+        if !fits(&pair[0]) {
+            broken.extend(lines.iter_mut().map(std::mem::take));
+            continue;
+        }
+        let right = [-east / length, north / length, 0.0];
+        for (k, direction) in [right, [0.0, 0.0, 1.0]].into_iter().enumerate() {
+            let reach = enlarged * reach(&pair[0], direction);
+            for (n, side) in [-1.0, 1.0].into_iter().enumerate() {
+                let point = |axis: usize| from[axis] + side * reach * direction[axis];
+                lines[2 * k + n].push([0, 1, 2].map(point));
+            }
+        }
+    }
+    broken.extend(lines);
+    broken.retain(|line| line.len() > 1);
+    broken
+}
+
+/// The distance at which the ellipsoid of 3 sigma ends along a direction `d` of length one, between
+/// planes across it: `sqrt(d' P d)`.
+fn reach(pose: &Pose, direction: [f32; 3]) -> f32 {
+    let (half, [x, y, z, w]) = pose.ellipsoid;
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let along = turn.inverse() * Vector3::from(direction);
+    along.component_mul(&Vector3::from(half)).norm()
 }
 
 /// Poses at equal distances along the track, so far apart that their ellipsoids do not touch.
@@ -128,6 +189,20 @@ mod tests {
             "{outline:?}"
         );
         assert_eq!(outline.first(), outline.last());
+    }
+
+    /// The track goes north, so that the ellipsoid's 2 m east, 3 m down and ten times that are its sides.
+    #[test]
+    fn the_tube_has_the_width_and_the_height_of_the_ellipsoids_and_breaks_where_one_is_too_large() {
+        let poses: Vec<Pose> =
+            (0..6).map(|k| pose(k as f32, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0])).collect();
+        let lines = tube(&poses, 10.0, |_| true);
+        let first: Vec<[f32; 3]> = lines.iter().map(|line| line[0]).collect();
+        assert_eq!(
+            first,
+            [[0.0, -20.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, -30.0], [0.0, 0.0, 30.0]]
+        );
+        assert_eq!(tube(&poses, 10.0, |pose| pose.place.ned[0] != 2.0).len(), 8);
     }
 
     #[test]

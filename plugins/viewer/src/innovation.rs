@@ -4,13 +4,14 @@
 use crate::axis::{self, Scale, short};
 use crate::columns::Series;
 use crate::corner::quietest;
-use crate::health::Judgement;
 use crate::history::{Gaps, History, Row};
-use crate::nis::{LATEST, Latest};
 use crate::quantity::{Here, Quantity, quantity};
 use crate::recording::Recording;
+use crate::shade::Shades;
 use crate::style::{AXES, BAND, BOUND, GATED, MARK, REJECTED, axis as colour, label, path};
 use navfuse_core::model::chi_square;
+use navfuse_core::model::record::health::Judgement;
+use navfuse_core::model::record::latest::{LATEST, Latest};
 use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
@@ -204,11 +205,16 @@ impl SensorSeries {
     }
 
     /// Writes the whole run, and chooses units and ranges from it.
-    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+    pub fn write(&mut self, recording: &Recording, shades: &Shades) -> Result<(), StreamError> {
         for (k, channel) in self.channels.iter_mut().enumerate() {
             channel.write(recording, k)?;
+            if let Some(plot) = &channel.plot {
+                shades.write(recording, &channel.path, plot.range)?;
+            }
         }
-        self.write_nis(recording)
+        self.write_nis(recording)?;
+        let plot = self.nis.as_ref();
+        plot.map_or(Ok(()), |plot| shades.write(recording, &self.nis_path, plot.range))
     }
 
     fn write_nis(&mut self, recording: &Recording) -> Result<(), StreamError> {

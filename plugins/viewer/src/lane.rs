@@ -1,18 +1,16 @@
 //! The lane of a sensor in the recording, and the numbers of its samples.
 
-use crate::health::{Health, Judged, Judgement, Lane};
+use crate::legend;
 use crate::recording::Recording;
 use crate::style::path;
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::model::record::health::{Judged, Lane, Stretch};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use re_sdk::EntityPath;
-use re_sdk_types::archetypes::{Scalars, SeriesLines, StateChange, StateConfiguration};
-use re_sdk_types::components::Color;
-
-/// Width of the line of a sensor while the run goes on.
-const THICK: f32 = 10.0;
+use re_sdk_types::archetypes::StateChange;
 
 /// A sensor and its lane.
 pub struct SensorLane {
@@ -24,10 +22,12 @@ pub struct SensorLane {
     pub outcomes: Outcomes,
     /// Samples that reached the gate, and gated ones, while the vehicle turned.
     pub in_turns: [u64; 2],
+    /// Set for a sensor that drives the process.
+    pub drives: bool,
+    /// The most severe finding about the sensor, and the strongest basis of one.
+    pub found: Option<(Severity, Basis)>,
     /// Entity of the lane.
     path: EntityPath,
-    /// Set for a sensor that corrects the state.
-    measures: bool,
     /// Number of stretches whose begin is written.
     written: usize,
 }
@@ -40,8 +40,9 @@ impl SensorLane {
             lane: Lane::default(),
             outcomes: Outcomes::default(),
             in_turns: [0; 2],
+            drives: info.purpose == Purpose::Input,
+            found: None,
             path: path(&["health", &info.name]),
-            measures: info.purpose == Purpose::Measurement,
             written: 0,
         })
     }
@@ -53,31 +54,7 @@ impl SensorLane {
 
     /// Writes the colours of the lane.
     pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
-        let colours = Health::ALL.map(|h| {
-            let [r, g, b] = h.colour();
-            Color::from_rgb(r, g, b)
-        });
-        let look = StateConfiguration::new()
-            .with_values(Health::ALL.map(Health::word))
-            .with_colors(colours);
-        recording.log_static(&self.path, &look)
-    }
-
-    /// Sends the present health to the viewers that watch, as a point of the `k`-th thick line: their
-    /// lanes do not follow the cursor.
-    pub fn show(&self, recording: &Recording, k: usize, now: Time) -> Result<(), StreamError> {
-        let Some((health, _)) = self.lane.current() else { return Ok(()) };
-        let entity = path(&["live", "health", &self.name]);
-        let level = k as f64 + 1.0;
-        let look = SeriesLines::update_fields()
-            .with_names([format!("{level} {}", self.name)])
-            .with_widths([THICK]);
-        recording.log_static_to_viewers(&entity, &look)?;
-        let colour = SeriesLines::update_fields().with_colors([health.colour()]);
-        let point =
-            Scalars::single(level).columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        let colour = colour.columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        recording.columns_to_viewers(&entity, &[now.nanos()], point.chain(colour))
+        recording.log_static(&self.path, &legend::look())
     }
 
     /// Notes the time, and with it a silence.
@@ -88,7 +65,7 @@ impl SensorLane {
 
     /// Adds a sample; of a measuring sensor the outcome counts instead.
     pub fn sample(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
-        if self.measures {
+        if !self.drives {
             return Ok(());
         }
         self.outcomes.accepted += 1;
@@ -97,8 +74,10 @@ impl SensorLane {
     }
 
     /// Takes a finding about the sensor.
-    pub fn doubt(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
-        self.lane.doubt(time);
+    pub fn doubt(&mut self, recording: &Recording, finding: &Finding) -> Result<(), StreamError> {
+        let (severity, basis) = self.found.unwrap_or((finding.severity, finding.basis));
+        self.found = Some((severity.max(finding.severity), basis.max(finding.basis)));
+        self.lane.doubt(finding.time);
         self.write(recording)
     }
 
@@ -126,19 +105,7 @@ impl SensorLane {
             self.in_turns[1] += u64::from(update.outcome == Outcome::Gated);
         }
         self.outcomes.add(update.outcome);
-        let health = match update.outcome {
-            Outcome::Accepted | Outcome::Placed => Health::Used,
-            Outcome::Gated => Health::Gated,
-            Outcome::Rejected(_) => Health::Rejected,
-        };
-        // a placed sample has no innovation
-        let innovation = (update.outcome == Outcome::Accepted).then_some(Judgement {
-            channels: update.innovation.len(),
-            nis: update.nis,
-            threshold: update.threshold,
-        });
-        let (time, present) = (update.time, update.present);
-        self.lane.update(&Judged { time, health, present, innovation });
+        self.lane.update(&Judged::from(update));
         self.write(recording)
     }
 
@@ -147,11 +114,30 @@ impl SensorLane {
         self.lane.finish(end);
     }
 
+    /// The stretches so far; the last one ends now.
+    pub fn stretches(&self, now: Time) -> Vec<Stretch> {
+        let last = self.lane.current();
+        let last = last.map(|(health, from)| Stretch { health, from, to: now.max(from) });
+        self.lane.stretches.iter().copied().chain(last).collect()
+    }
+
     /// Writes the stretches that began.
     fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         for (health, from) in self.lane.begun(self.written) {
             recording.log(&self.path, from.nanos(), &StateChange::single(health.word()))?;
             self.written += 1;
+        }
+        Ok(())
+    }
+
+    /// Takes the words away from stretches that are too short for them, in a run of that length, s.
+    pub fn shorten(&self, recording: &Recording, run: f64) -> Result<(), StreamError> {
+        // another state at the same time would replace the one that follows a stretch without length
+        for Stretch { health, from, to } in self.lane.stretches.iter().filter(|s| s.from < s.to) {
+            if !legend::has_room(health.word(), to.since(*from) / run) {
+                let word = StateChange::single(legend::without_word(*health));
+                recording.log(&self.path, from.nanos(), &word)?;
+            }
         }
         Ok(())
     }

@@ -6,8 +6,9 @@
 //!
 //! | entity | content |
 //! |---|---|
-//! | `/overview` | the verdict and its reasons, the sensors, the states that converged, the errors |
-//! | `/health/SENSOR` | used, doubted, gated, rejected or silent |
+//! | `/overview`, `/states` | the verdict and its reasons, the sensors, the states that converged; the errors |
+//! | `/health/SENSOR` | used, NIS too large, doubted, gated, rejected, isolated or silent; a space behind the word of a stretch that is too short for it |
+//! | `/colours`, `/clock` | the colours of the health with their words; the time in seconds |
 //! | `/plan/estimate`, `/plan/truth` | the tracks from above, with a grid; coloured by sigma |
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
 //! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |
@@ -15,14 +16,16 @@
 //! | `/world/bodies/NAME` | position and attitude of a body beside the vehicle; its track in `/world/tracks/NAME`, `/plan/bodies/NAME`, `/map/bodies/NAME` |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
 //! | `/world/distances` | distances north and east at the edges of the grid |
-//! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipsoids` | 3 sigma along the track, enlarged as the titles name it |
+//! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipses`, `/world/tube` | 3 sigma along the track, enlarged as the titles name it |
 //! | `/map/graticule`, `/map/labels` | lines of equal latitude and longitude; their names and a scale |
+//! | `/map/coast` | the coastlines within view |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
 //! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithm of the error's magnitude and of sigma |
 //! | `/innovation/SENSOR/CHANNEL/accepted` | innovation; beside it `bounds` of 3 sigma and `gated` |
 //! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS per channel; beside it `limits` with the mean, `gated`, `rejected` |
+//! | `/innovation/SENSOR/CHANNEL/abandoned`, `/innovation/SENSOR/nis/abandoned` | shades of the time in which samples were refused |
 //! | `/samples/SENSOR/CHANNEL` | the samples |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
 //!
@@ -38,19 +41,19 @@ mod arrangement;
 mod axis;
 mod blueprint;
 mod bodies;
+mod coast;
 pub mod colours;
 mod columns;
 mod corner;
 mod derived;
 mod ellipses;
 mod file;
-pub mod health;
 mod history;
 mod innovation;
 mod lane;
+mod legend;
 mod live;
 mod map;
-mod nis;
 pub mod overlay;
 mod overview;
 mod plan;
@@ -61,6 +64,7 @@ mod run;
 mod samples;
 mod scene;
 mod serve;
+mod shade;
 mod sink;
 mod state;
 mod strokes;

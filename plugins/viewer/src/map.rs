@@ -1,5 +1,6 @@
-//! The map: its zoom, and a graticule with names and a scale, which need no network.
+//! The map: its zoom, a graticule with names and a scale, and coastlines, which need no network.
 
+use crate::coast;
 use crate::plan::{distance, round};
 use crate::recording::Recording;
 use crate::strokes::{strokes, width};
@@ -12,6 +13,8 @@ use re_sdk_types::components::Radius;
 /// Height and width of the graticule on the map, pixels: it fits into the map of a small window
 /// (1280x720).
 const MAP_PIXELS: [f64; 2] = [290.0, 500.0];
+/// Height and width of the map of a usual window (1600x1000), pixels: what is within view.
+const VIEW: [f64; 2] = [450.0, 700.0];
 /// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
 /// over the 256 pixels of the one tile.
 const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
@@ -24,8 +27,9 @@ const APART: f64 = 4.0;
 const MESHES: f64 = 5.0;
 /// Least side of the area, minutes: 2 m.
 const LEAST: f64 = 1e-3;
-/// Colour of the graticule.
+/// Colours of the graticule and of the coast.
 const GRID: Colour = [70, 76, 86];
+const COAST: Colour = [194, 178, 128];
 
 /// Lines of equal latitude and longitude around a track.
 pub struct Graticule {
@@ -65,7 +69,29 @@ impl Graticule {
         let [latitude, longitude] = self.lines.map(|[first, _]| first * self.spacing);
         let [latitude, longitude] =
             [(latitude, ['N', 'S']), (longitude, ['E', 'W'])].map(|(m, s)| angle(m, s, decimals));
-        format!("lines every {:.decimals$}' from {latitude} {longitude}", self.spacing)
+        let coast = match self.coast().is_empty() {
+            true => String::new(),
+            false => format!("; coast to {}", coast::ACCURACY),
+        };
+        format!("lines every {:.decimals$}' from {latitude} {longitude}{coast}", self.spacing)
+    }
+
+    /// Minutes of latitude and of longitude in a pixel at the zoom.
+    fn pixels(&self) -> [f64; 2] {
+        let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
+        let cosine = middle.to_radians().cos().abs().max(1e-3);
+        let pixel = MAP_SCALE * cosine / self.zoom().exp2() / MINUTE;
+        [pixel, pixel / cosine]
+    }
+
+    /// The coastlines within view, deg.
+    fn coast(&self) -> Vec<Vec<[f64; 2]>> {
+        let pixels = self.pixels();
+        let edge = |k: usize, side: f64| {
+            let middle = 0.5 * (self.lines[k][0] + self.lines[k][1]) * self.spacing;
+            (middle + 0.5 * side * VIEW[k] * pixels[k]) / 60.0
+        };
+        coast::within([-1.0, 1.0].map(|side| [0, 1].map(|k| edge(k, side))))
     }
 
     /// Draws the lines.
@@ -83,6 +109,13 @@ impl Graticule {
             .with_colors([GRID])
             .with_radii([Radius::new_ui_points(0.5)]);
         recording.log_static(&path(&["map", "graticule"]), &lines)?;
+        let coast = self.coast();
+        if !coast.is_empty() {
+            let coast = GeoLineStrings::from_lat_lon(coast)
+                .with_colors([COAST])
+                .with_radii([Radius::new_ui_points(1.0)]);
+            recording.log_static(&path(&["map", "coast"]), &coast)?;
+        }
         let labels = GeoLineStrings::from_lat_lon(self.labels())
             .with_colors([BOUND])
             .with_radii([Radius::new_ui_points(0.8)]);
@@ -95,9 +128,7 @@ impl Graticule {
         let [[south, north], [west, east]] =
             self.lines.map(|lines| lines.map(|line| line * self.spacing));
         let cosine = (0.5 * (south + north) / 60.0).to_radians().cos().abs().max(1e-3);
-        // minutes of latitude in a pixel at the zoom, and of longitude
-        let pixel = MAP_SCALE * cosine / self.zoom().exp2() / MINUTE;
-        let pixels = [pixel, pixel / cosine];
+        let pixels = self.pixels();
         let write = |text: &str, latitude: f64, longitude: f64| {
             let place = |[x, y]: [f64; 2]| {
                 [(latitude + y * pixels[0]) / 60.0, (longitude + x * pixels[1]) / 60.0]
@@ -178,6 +209,19 @@ mod tests {
         assert_eq!(title.as_deref(), Some("lines every 0.5' from 43°06.0'N 5°22.5'W"));
         assert_eq!(graticule.map(|g| g.lines), Some([[5172.0, 5175.0], [-645.0, -642.0]]));
         assert!(Graticule::new(&Extent::NONE).is_none());
+    }
+
+    /// Off Brittany, 3 km from Pointe du Raz, the coast is within view; in the Gulf of Lions it is not.
+    #[test]
+    fn a_coast_is_drawn_where_it_is_within_view() {
+        let view = |[latitude, longitude]: [f64; 2]| {
+            let geo = [[latitude, longitude], [latitude + 0.03, longitude + 0.03]];
+            Graticule::new(&extent(geo)).map(|g| (g.coast().len(), g.title()))
+        };
+        let near = view([48.01, -4.77]).unwrap_or_default();
+        assert!(near.0 > 0 && near.1.ends_with("; coast to 1 km"), "{near:?}");
+        let far = view([43.0, 5.0]).unwrap_or_default();
+        assert!(far.0 == 0 && !far.1.contains("coast"), "{far:?}");
     }
 
     /// Between 43 deg 6' and 7.5' N are three lines with names, and a scale.

@@ -1,6 +1,6 @@
 //! The track from above, drawn without map tiles: grid with its distances, north, start and end.
 
-use crate::colours::ColourScale;
+use crate::colours::{ColourScale, STEPS};
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour, MARK, TRUTH, path};
 use crate::track::{Extent, Place};
@@ -12,6 +12,15 @@ use re_sdk_types::datatypes::Range2D;
 
 /// Number of grid lines over the longer side, about.
 const LINES: f64 = 6.0;
+/// Height of the header above the grid, and distance of start and end below which they have one mark, as
+/// shares of the longer side.
+const HEADER: f32 = 0.17;
+const NEAR: f32 = 0.07;
+/// Places in the header as shares of the width: the name of the truth, the two ends of the scale of
+/// colours, and north.
+const NAME: f32 = 0.1;
+const SCALE: [f32; 2] = [0.29, 0.77];
+const NORTH: f32 = 0.93;
 /// Colour of the grid.
 const GRID: Colour = [58, 62, 70];
 
@@ -27,6 +36,8 @@ pub fn point(ned: [f32; 3]) -> Point {
 pub struct Plan {
     low: Point,
     high: Point,
+    /// North edge of the grid; the header is beyond it.
+    edge: f32,
     spacing: f32,
 }
 
@@ -40,8 +51,10 @@ impl Plan {
         // the margin has room for labels, and in the west for those of the distances north
         let half = [0.5 * (extent.high[1] - extent.low[1]), 0.5 * (extent.high[0] - extent.low[0])];
         let half = half.map(|h| h.max(0.3 * side) + 0.16 * side);
+        let edge = south - half[1];
         Some(Self {
-            low: [east - half[0] - 0.14 * side, south - half[1]],
+            edge,
+            low: [east - half[0] - 0.14 * side, edge - HEADER * side],
             high: [east + half[0], south + half[1]],
             spacing,
         })
@@ -54,17 +67,18 @@ impl Plan {
         VisualBounds2D::new(re_sdk_types::blueprint::components::VisualBounds2D(range))
     }
 
-    /// Draws grid, tracks and marks, with the name of the last place; places have a
-    /// horizontal sigma.
+    /// Draws grid, tracks and marks; places have a horizontal sigma. The end is marked where the run is
+    /// `over`; before it the vehicle is there. `compared` is the name of the truth.
     pub fn draw(
         &self,
         recording: &Recording,
         estimate: &[Place],
-        truth: &[Place],
-        last_place: &str,
+        (truth, compared): (&[Place], &str),
+        over: bool,
     ) -> Result<(), StreamError> {
         self.draw_grid(recording)?;
         if truth.len() > 1 {
+            self.draw_name(recording, compared)?;
             let line = LineStrips2D::new([truth.iter().map(|p| point(p.ned))])
                 .with_colors([TRUTH])
                 .with_radii([Radius::new_ui_points(0.9)])
@@ -79,8 +93,13 @@ impl Plan {
             .with_draw_order(DrawOrder::from(3.0));
         recording.log_static(&path(&["plan", "estimate"]), &line)?;
         let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
-        let marks = Points2D::new([point(first.ned), point(last.ned)])
-            .with_labels(["start", last_place])
+        let marks: &[(Point, &str)] = match [point(first.ned), point(last.ned)] {
+            [start, _] if !over => &[(start, "start")],
+            [start, end] if self.near(start, end) => &[(end, "start, end")],
+            [start, end] => &[(start, "start"), (end, "end")],
+        };
+        let marks = Points2D::new(marks.iter().map(|mark| mark.0))
+            .with_labels(marks.iter().map(|mark| mark.1))
             .with_colors([MARK])
             .with_radii([Radius::new_ui_points(6.0)])
             .with_show_labels(true)
@@ -89,13 +108,41 @@ impl Plan {
         self.draw_legend(recording, &scale)
     }
 
+    /// Returns `true` for two places whose names would cover each other.
+    fn near(&self, a: Point, b: Point) -> bool {
+        let side = (self.high[0] - self.low[0]).max(self.high[1] - self.edge);
+        (a[0] - b[0]).hypot(a[1] - b[1]) < NEAR * side
+    }
+
+    /// A place in the header: shares of the width and of the header's height.
+    fn header(&self, x: f32, y: f32) -> Point {
+        let width = self.high[0] - self.low[0];
+        [self.low[0] + x * width, self.low[1] + y * (self.edge - self.low[1])]
+    }
+
+    /// Draws the name of the truth and a piece of its line.
+    fn draw_name(&self, recording: &Recording, compared: &str) -> Result<(), StreamError> {
+        let line =
+            LineStrips2D::new([[self.header(NAME - 0.06, 0.3), self.header(NAME + 0.06, 0.3)]])
+                .with_colors([TRUTH])
+                .with_radii([Radius::new_ui_points(1.2)]);
+        recording.log_static(&path(&["plan", "named"]), &line)?;
+        let name = Points2D::new([self.header(NAME, 0.3)])
+            .with_labels([compared])
+            .with_colors([TRUTH])
+            .with_radii([Radius::new_ui_points(1.0)])
+            .with_show_labels(true);
+        recording.log_static(&path(&["plan", "named", "name"]), &name)
+    }
+
     fn draw_grid(&self, recording: &Recording) -> Result<(), StreamError> {
         let lines = |k: usize| {
-            let first = (self.low[k] / self.spacing).ceil() as i64;
+            let low = [self.low[0], self.edge][k];
+            let first = (low / self.spacing).ceil() as i64;
             let last = (self.high[k] / self.spacing).floor() as i64;
             (first..=last).map(|n| n as f32 * self.spacing)
         };
-        let vertical = lines(0).map(|east| [[east, self.low[1]], [east, self.high[1]]]);
+        let vertical = lines(0).map(|east| [[east, self.edge], [east, self.high[1]]]);
         let horizontal = lines(1).map(|south| [[self.low[0], south], [self.high[0], south]]);
         let grid = LineStrips2D::new(vertical.chain(horizontal))
             .with_colors([GRID])
@@ -117,10 +164,9 @@ impl Plan {
             .with_radii([Radius::new_ui_points(1.0)])
             .with_show_labels(true);
         recording.log_static(&path(&["plan", "distances"]), &ticks)?;
-        let length = 0.09 * (self.high[1] - self.low[1]);
-        let foot = [self.high[0] - 0.6 * length, self.low[1] + 1.7 * length];
+        let length = 0.6 * (self.edge - self.low[1]);
         let north = Arrows2D::from_vectors([[0.0, -length]])
-            .with_origins([foot])
+            .with_origins([self.header(NORTH, 0.75)])
             .with_colors([BOUND])
             .with_radii([Radius::new_ui_points(2.0)])
             .with_labels(["north"])
@@ -128,25 +174,27 @@ impl Plan {
         recording.log_static(&path(&["plan", "north"]), &north)
     }
 
-    /// Three points with the colours of sigma.
+    /// A bar with the colours of sigma, and the smallest, the middle and the largest value under it.
     fn draw_legend(&self, recording: &Recording, scale: &ColourScale) -> Result<(), StreamError> {
-        let width = self.high[0] - self.low[0];
-        let height = self.high[1] - self.low[1];
-        let places = (0..3)
-            .map(|k| [self.low[0] + (0.28 + 0.21 * k as f32) * width, self.low[1] + 0.04 * height]);
-        let legend = scale.legend();
+        let place = |share: f32| self.header(SCALE[0] + share * (SCALE[1] - SCALE[0]), 0.3);
+        let pieces = (0..STEPS).map(|k| [k, k + 1].map(|n| place(n as f32 / STEPS as f32)));
+        let bar = LineStrips2D::new(pieces)
+            .with_colors((0..STEPS).map(ColourScale::colour))
+            .with_radii([Radius::new_ui_points(3.0)]);
+        recording.log_static(&path(&["plan", "scale"]), &bar)?;
         let number = |x: f64| {
             if x >= 1000.0 { format!("{:.1} km", x / 1000.0) } else { format!("{x:.2} m") }
         };
         // the name once: in a narrow view three of them would cover each other
+        let legend = scale.legend();
         let labels = legend.iter().enumerate().map(|(k, (value, _))| match k {
             0 => format!("sigma {}", number(*value)),
             _ => number(*value),
         });
-        let points = Points2D::new(places)
+        let points = Points2D::new([0.0, 0.5, 1.0].map(place))
             .with_labels(labels.collect::<Vec<_>>())
             .with_colors(legend.iter().map(|l| l.1))
-            .with_radii([Radius::new_ui_points(5.0)])
+            .with_radii([Radius::new_ui_points(1.0)])
             .with_show_labels(true);
         recording.log_static(&path(&["plan", "legend"]), &points)
     }
@@ -172,6 +220,22 @@ mod tests {
     #[test]
     fn grid_lines_are_round() {
         assert_eq!([0.013, 1.0, 3.0, 180.0, 700.0].map(round), [0.02, 1.0, 5.0, 200.0, 1000.0]);
+    }
+
+    /// The scale of colours is no object of the map: it is beyond the grid and the tracks. The places of
+    /// its labels are a quarter of the width apart, and those of its neighbours more than a tenth.
+    #[test]
+    fn the_header_is_above_the_grid_and_its_labels_are_apart() {
+        let extent =
+            Extent { low: [-50.0, 0.0, 0.0], high: [300.0, 400.0, 5.0], geo: Extent::NONE.geo };
+        let Some(plan) = Plan::new(&extent) else { unreachable!("there is a place") };
+        let [_, lowest] = plan.header(0.0, 1.0);
+        // north of the farthest place
+        assert!(lowest < -300.0 && plan.header(0.0, 0.0)[1] == plan.low[1], "{lowest}");
+        let middle = 0.5 * (SCALE[0] + SCALE[1]);
+        let places = [NAME, SCALE[0], middle, SCALE[1], NORTH];
+        assert!(places.windows(2).all(|pair| pair[1] - pair[0] > 0.15), "{places:?}");
+        assert!(plan.near([0.0, 0.0], [0.0, 20.0]) && !plan.near([0.0, 0.0], [0.0, 200.0]));
     }
 
     #[test]

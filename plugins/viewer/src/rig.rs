@@ -24,8 +24,9 @@ const AXIS: f32 = 0.18;
 const UNKNOWN: f32 = 0.5;
 /// Time for which the beams of the last sample are drawn, ns.
 const SILENCE: i64 = 1_000_000_000;
-/// Distance within which two sensors are at the same place, m.
-const SAME: f64 = 1e-3;
+/// Distance within which two sensors have one label, as a share of the vehicle's length: labels of
+/// neighbours would cover each other.
+const SAME: f32 = 0.1;
 /// Least downward part of a beam's direction at which the altitude determines its length.
 const STEEP: f64 = 0.1;
 
@@ -164,16 +165,23 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
         .with_colors([BOUND])
         .with_radii([Radius::new_ui_points(1.0)]);
     recording.log_static(&body("lever_arms"), &lines)?;
-    // sensors at the same place have one label
-    let here = |m: &Mount, other: &Mount| (m.place - other.place).amax() < SAME;
-    let first = |k: usize| mounts[..k].iter().all(|m| !here(m, &mounts[k]));
-    let places: Vec<usize> = (0..mounts.len()).filter(|k| first(*k)).collect();
-    let label = |k: &usize| {
-        let names = mounts.iter().filter(|m| here(m, &mounts[*k])).map(|m| m.sensor.as_str());
-        names.collect::<Vec<_>>().join(", ")
+    // sensors near each other have one label
+    let near = |a: usize, b: usize| {
+        (0..3).all(|axis| (ends[a][axis] - ends[b][axis]).abs() <= SAME * vehicle)
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for k in 0..mounts.len() {
+        match groups.iter_mut().find(|group| near(group[0], k)) {
+            Some(group) => group.push(k),
+            None => groups.push(vec![k]),
+        }
+    }
+    let places: Vec<usize> = groups.iter().map(|group| group[0]).collect();
+    let label = |group: &Vec<usize>| {
+        group.iter().map(|k| mounts[*k].sensor.as_str()).collect::<Vec<_>>().join(", ")
     };
     let sensors = Points3D::new(places.iter().map(|k| ends[*k]))
-        .with_labels(places.iter().map(label))
+        .with_labels(groups.iter().map(label))
         .with_colors([MARK])
         .with_radii([Radius::new_ui_points(3.5)]);
     recording.log_static(&body("sensors"), &sensors)?;

@@ -5,6 +5,8 @@ use crate::lane::SensorLane;
 use crate::samples::SampleSeries;
 use crate::state::BlockSeries;
 use crate::track::Motion;
+use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::sensor::Accuracy;
 
 /// The series of a run, from which the layout is made.
 pub struct Run {
@@ -22,10 +24,14 @@ pub struct Run {
     pub track: Option<Motion>,
     /// Set where every source simulates its samples: otherwise the truth is a recorded reference.
     pub simulated: bool,
+    /// 1-sigma of a recorded reference.
+    pub reference: Option<Accuracy>,
     /// Set for a run that is smoothed.
     pub smoothed: bool,
     /// The component with the largest error in sigma, once the run is over.
     pub worst: Option<(usize, usize)>,
+    /// The heaviest finding of each part.
+    pub findings: Vec<Finding>,
     /// The first and the last time of an epoch, ns.
     pub span: Option<(i64, i64)>,
     /// Place of each sensor, by its id, among those above.

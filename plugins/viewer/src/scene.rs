@@ -44,14 +44,14 @@ pub fn exaggerate(recording: &Recording, extent: &Extent) -> Result<(), StreamEr
 /// where the run has ended.
 pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), StreamError> {
     let Some((_, side)) = track.extent.middle() else { return Ok(()) };
-    let (length, last) = if over { (VEHICLE * side, "end") } else { (LIVE_VEHICLE, "now") };
+    let length = if over { VEHICLE * side } else { LIVE_VEHICLE };
     let estimate: Vec<Place> = track.estimate.iter().collect();
     let truth: Vec<Place> = track.truth.iter().collect();
     draw_line(recording, "truth", &truth, TRUTH)?;
     draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED)?;
-    draw_estimate(recording, &estimate, track.extent.level(), last)?;
+    draw_estimate(recording, &estimate, track.extent.level(), over)?;
     if let Some(plan) = Plan::new(&track.extent) {
-        plan.draw(recording, &estimate, &truth, last)?;
+        plan.draw(recording, &estimate, (&truth, track.compared), over)?;
     }
     if let Some(graticule) = Graticule::new(&track.extent) {
         graticule.draw(recording)?;
@@ -112,7 +112,7 @@ fn draw_estimate(
     recording: &Recording,
     estimate: &[Place],
     level: f32,
-    last_place: &str,
+    over: bool,
 ) -> Result<(), StreamError> {
     let scale = ColourScale::over(estimate.iter().map(|p| p.sigma));
     let thick = Radius::new_ui_points(1.7);
@@ -132,13 +132,15 @@ fn draw_estimate(
     recording.log_static(&path(&["world", "shadow"]), &shadow)?;
     let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
     let size = Radius::new_ui_points(5.0);
-    let marks = Points3D::new([first.ned, last.ned])
-        .with_labels(["start", last_place])
+    // while the run goes on, the vehicle is at its last place
+    let count = if over { 2 } else { 1 };
+    let marks = Points3D::new([first.ned, last.ned].into_iter().take(count))
+        .with_labels(["start", "end"].into_iter().take(count))
         .with_colors([MARK])
         .with_radii([size]);
     recording.log_static(&path(&["world", "marks"]), &marks)?;
-    let marks =
-        GeoPoints::from_lat_lon([first.geo, last.geo]).with_colors([MARK]).with_radii([size]);
+    let marks = GeoPoints::from_lat_lon([first.geo, last.geo].into_iter().take(count));
+    let marks = marks.with_colors([MARK]).with_radii([size]);
     recording.log_static(&path(&["map", "marks"]), &marks)
 }
 
@@ -254,7 +256,10 @@ fn write_poses(
     let points = Points2D::update_fields().with_positions(places().map(plan::point));
     let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
     send(&["plan", "vehicle"], columns.into_iter())?;
-    let look =
-        Points2D::update_fields().with_colors([AXES[0]]).with_radii([Radius::new_ui_points(5.0)]);
+    let look = Points2D::update_fields()
+        .with_colors([AXES[0]])
+        .with_radii([Radius::new_ui_points(5.0)])
+        .with_labels(["now"])
+        .with_show_labels(live);
     recording.log_static(&path(&["plan", "vehicle"]), &look)
 }

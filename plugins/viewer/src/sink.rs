@@ -5,6 +5,7 @@ use crate::bodies::Body;
 use crate::columns::ROWS;
 use crate::innovation::SensorSeries;
 use crate::lane::SensorLane;
+use crate::legend;
 use crate::overview;
 use crate::quantity::Here;
 use crate::recording::Recording;
@@ -12,6 +13,7 @@ use crate::rig::Mount;
 use crate::run::{Places, Run};
 use crate::samples::SampleSeries;
 use crate::scene;
+use crate::shade::Shades;
 use crate::state;
 use crate::style::path;
 use crate::tab::Tab;
@@ -89,14 +91,12 @@ impl RerunSink {
         if self.recording.is_live() {
             run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
             run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
-            let now = self.last.unwrap_or_default();
-            let mut lanes = run.lanes.iter().enumerate();
-            lanes.try_for_each(|(k, lane)| lane.show(&self.recording, k, now))?;
             if let Some(track) = &run.track {
                 scene::draw(&self.recording, track, false)?;
                 scene::follow(&self.recording, track)?;
             }
-            run.write_overview(&self.recording, self.verdict.as_ref())?;
+            let now = self.last.unwrap_or_default();
+            run.write_overview(&self.recording, self.verdict.as_ref(), now)?;
         }
         self.refreshed = Instant::now();
         self.recording.flush()
@@ -160,7 +160,7 @@ impl RerunSink {
         self.refresh()?;
         if let Some(run) = &mut self.run {
             run.write(&self.recording)?;
-            run.write_overview(&self.recording, self.verdict.as_ref())?;
+            run.write_overview(&self.recording, self.verdict.as_ref(), end)?;
             let layout = arrangement::messages(run, &self.tabs, Stage::Ended)
                 .map_err(|e| self.recording.error(e))?;
             self.recording.last_layout(&layout);
@@ -174,17 +174,22 @@ impl Run {
     fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
         let mut run = Self {
             name: info.name.clone(),
-            blocks: state::blocks(&info.layout, info.simulated, full),
+            blocks: state::blocks(info, full),
             sensors: Vec::new(),
             samples: Vec::new(),
             lanes: Vec::new(),
             track: Motion::new(&info.layout, full),
             simulated: info.simulated,
             smoothed: info.smoothed,
+            reference: info.reference.filter(|_| !info.simulated),
+            findings: Vec::new(),
             worst: None,
             span: None,
             places: Vec::new(),
         };
+        if let Some(track) = run.track.as_mut().filter(|_| !info.simulated) {
+            track.compared = "reference";
+        }
         for sensor in &info.sensors {
             let mut places = Places::default();
             if let Some(series) = SensorSeries::new(sensor, full) {
@@ -237,7 +242,21 @@ impl Run {
         if let Some((block, component)) = self.worst {
             self.blocks[block].write_normalised(recording, component)?;
         }
-        self.sensors.iter_mut().try_for_each(|sensor| sensor.write(recording))?;
+        let lanes = &self.lanes;
+        let run = self.span.map_or(0, |(first, last)| last - first);
+        for sensor in &mut self.sensors {
+            let lane = lanes.iter().find(|lane| lane.name == sensor.name);
+            let shades = lane.map(|lane| Shades::new(&lane.lane.stretches, run));
+            sensor.write(recording, &shades.unwrap_or_default())?;
+        }
+        let begins =
+            lanes.iter().filter_map(|lane| Some(lane.lane.stretches.first()?.from.nanos()));
+        let span = self.span.map(|(first, last)| (begins.fold(first, i64::min), last));
+        if let Some((first, last)) = span.filter(|(first, last)| first < last) {
+            legend::write(recording, (first, last))?;
+            let run = (last - first) as f64 * 1e-9;
+            lanes.iter().try_for_each(|lane| lane.shorten(recording, run))?;
+        }
         self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
         match &self.track {
             Some(track) => {
@@ -252,9 +271,12 @@ impl Run {
         &self,
         recording: &Recording,
         verdict: Option<&Verdict>,
+        now: Time,
     ) -> Result<(), StreamError> {
-        let page = overview::page(self, verdict);
-        recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))
+        let page = overview::page(self, verdict, now);
+        recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))?;
+        let states = TextDocument::from_markdown(overview::states(self));
+        recording.log_static(&path(&["states"]), &states)
     }
 }
 
@@ -391,7 +413,12 @@ impl RerunSink {
         if let Some(run) = &mut self.run {
             let mut lanes = run.lanes.iter_mut();
             let lane = lanes.find(|lane| lane.is_meant_by(&finding.about));
-            lane.map_or(Ok(()), |lane| lane.doubt(&self.recording, finding.time))?;
+            lane.map_or(Ok(()), |lane| lane.doubt(&self.recording, finding))?;
+            match run.findings.iter_mut().find(|before| before.about == finding.about) {
+                Some(before) if before.severity >= finding.severity => {}
+                Some(before) => *before = finding.clone(),
+                None => run.findings.push(finding.clone()),
+            }
         }
         self.event(&finding.event())
     }

@@ -8,9 +8,9 @@ use crate::recording::Recording;
 use crate::style::{BOUND, FILTERED, MAGNITUDE, TRUTH, axis as colour, label, path};
 use crate::tally::{Excursion, Tally};
 use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::StreamError;
+use navfuse_core::model::stream::{RunInfo, StreamError};
+use navfuse_core::state::Block;
 use navfuse_core::state::manifold::{MAX_TANGENT, Manifold, Position, Reading};
-use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::time::Time;
 use re_sdk::blueprint::components::Corner2D;
 use std::any::TypeId;
@@ -85,13 +85,36 @@ pub struct BlockSeries {
     half_turn: f64,
     /// The first estimate: a position is shown in metres from the place at height zero under it.
     origin: Option<Vec<f64>>,
+    /// Set for the position of the vehicle.
+    pub is_position: bool,
+    /// 1-sigma of a recorded reference in the unit of the block; zero for a truth.
+    own: f64,
 }
 
-/// The blocks of a layout, without the fixed ones: those neither change nor have an uncertainty.
-/// A truth that is not `simulated` is a recorded reference.
-pub fn blocks(layout: &Layout, simulated: bool, full: bool) -> Vec<BlockSeries> {
-    let free = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
-    free.map(|(slot, block)| BlockSeries::new(slot, block, simulated, full)).collect()
+/// The blocks of a run, without the fixed ones: those neither change nor have an uncertainty.
+/// A truth that is not simulated is a recorded reference with its own sigma.
+pub fn blocks(run: &RunInfo, full: bool) -> Vec<BlockSeries> {
+    let vehicle = run.layout.vehicle();
+    let at = |handle: Option<usize>, slot: usize| handle == Some(slot);
+    let position = vehicle.position.map(|handle| handle.slot());
+    let velocity = vehicle.velocity.map(|handle| handle.slot());
+    let attitude = vehicle.attitude.map(|handle| handle.slot());
+    let accuracy = run.reference.filter(|_| !run.simulated).unwrap_or_default();
+    let free = run.layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
+    let series = |(slot, block): (usize, &Block)| {
+        let mut series = BlockSeries::new(slot, block, run.simulated, full);
+        series.is_position = at(position, slot);
+        let own = match slot {
+            _ if at(position, slot) => accuracy.position,
+            _ if at(velocity, slot) => accuracy.velocity,
+            _ if at(attitude, slot) => accuracy.attitude,
+            _ => 0.0,
+        };
+        series.own = own / block.spec.display.scale;
+        series.components.iter_mut().for_each(|c| c.tally.reference = series.own);
+        series
+    };
+    free.map(series).collect()
 }
 
 impl BlockSeries {
@@ -121,16 +144,32 @@ impl BlockSeries {
             truth: if simulated { "true" } else { "reference" },
             half_turn,
             origin: None,
+            is_position: false,
+            own: 0.0,
+        }
+    }
+
+    /// The names of some components together: `gnss.bias east, north`, or the block alone where they
+    /// are all.
+    pub fn names(&self, parts: &[usize]) -> String {
+        let block = self.block_name();
+        if parts.len() == self.components.len() {
+            return block;
+        }
+        let names: Vec<&str> = parts.iter().map(|k| self.components[*k].name.as_str()).collect();
+        format!("{block} {}", names.join(", "))
+    }
+
+    fn block_name(&self) -> String {
+        match self.owner.as_str() {
+            "" => self.name.clone(),
+            owner => format!("{owner}.{}", self.name),
         }
     }
 
     /// The full name of a component: `ins.attitude roll`, or `dvl.scale` where there is one.
     pub fn full_name(&self, k: usize) -> String {
-        let block = if self.owner.is_empty() {
-            self.name.clone()
-        } else {
-            format!("{}.{}", self.owner, self.name)
-        };
+        let block = self.block_name();
         match self.components.len() {
             1 => block,
             _ => format!("{block} {}", self.components[k].name),
@@ -234,7 +273,8 @@ impl BlockSeries {
     /// the same units, except those that a unit larger than the block's own would make small.
     pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let rows: Vec<_> = self.components.iter().map(|c| c.history.rows()).collect();
-        let mut plots: Vec<Option<Plots>> = rows.iter().map(|rows| Plots::new(rows)).collect();
+        let mut plots: Vec<Option<Plots>> =
+            rows.iter().map(|rows| Plots::new(rows, self.own)).collect();
         let sizes = plots.iter().flatten().map(Plots::sizes);
         let [value, error] =
             sizes.fold([0.0_f64; 2], |max, size| [max[0].max(size[0]), max[1].max(size[1])]);
@@ -247,15 +287,23 @@ impl BlockSeries {
         Ok(())
     }
 
+    /// The name of an error in sigma: of estimate and reference together where the reference is
+    /// recorded.
+    pub fn ratio(&self) -> String {
+        let of = if self.own > 0.0 { "sigma of both" } else { "sigma" };
+        format!("{} / {of}", self.compared)
+    }
+
     /// Writes the error of a component in sigma.
     pub fn write_normalised(&self, recording: &Recording, k: usize) -> Result<(), StreamError> {
-        let line = (format!("{} / sigma", self.compared), colour(k), 1.6);
+        let line = (self.ratio(), colour(k), 1.6);
         let bound = |name: &str| (name.to_owned(), BOUND, 1.2);
         let lines = [line, bound("+3"), bound("-3")];
         let mut series = Series::lines(self.entity(k, "normalised"), &lines);
         for (time, [_, s, _, e]) in self.components[k].history.rows() {
             if e.is_finite() && s > 0.0 {
-                series.push(recording, Time::from_nanos(time), &[e / s, 3.0, -3.0])?;
+                let ratio = e / s.hypot(self.own);
+                series.push(recording, Time::from_nanos(time), &[ratio, 3.0, -3.0])?;
             }
         }
         series.flush(recording)
@@ -318,7 +366,7 @@ impl BlockSeries {
 
 impl Plots {
     /// The ranges in the unit of the block.
-    fn new(rows: &[Row<4>]) -> Option<Self> {
+    fn new(rows: &[Row<4>], own: f64) -> Option<Self> {
         let (first, last) = (rows.first()?.0, rows.last()?.0);
         let span = (last - first) as f64;
         let begin = first + (BEGIN * span) as i64;
@@ -352,7 +400,7 @@ impl Plots {
         let values = [over(first, begin, &value), over(end, end, &value)];
         // an error near zero has no lower bound on this axis
         let logarithms = [(0.1 * least).max(low), high].map(f64::log10);
-        let ratio = |r: &[f64; 4]| [r[3] / r[1], 3.0, -3.0];
+        let ratio = |r: &[f64; 4]| [r[3] / r[1].hypot(own), 3.0, -3.0];
         let size = rows.iter().map(|row| ratio(&row.1)[0].abs()).fold(4.0, f64::max);
         let corners = Corners {
             value: quietest(rows, value, values[0]),

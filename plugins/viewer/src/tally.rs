@@ -81,6 +81,8 @@ impl Excursions {
 pub struct Tally {
     /// First 1-sigma of the filter: in a smoothed run the one before all samples.
     pub prior: Option<f64>,
+    /// 1-sigma of a recorded reference; zero for a truth.
+    pub reference: f64,
     /// Last estimate.
     pub estimate: f64,
     /// Last 1-sigma.
@@ -91,7 +93,7 @@ pub struct Tally {
     pub compared: u64,
     /// Number of epochs with an error above 3 sigma.
     pub outside: u64,
-    /// Largest error in sigma, and its time.
+    /// Largest error in sigma, of estimate and reference together, and its time.
     pub worst: Option<(f64, Time)>,
     /// First excursion that noise does not explain.
     pub left: Option<Excursion>,
@@ -113,7 +115,7 @@ impl Tally {
         }
         self.error = Some(error);
         self.compared += 1;
-        let size = (error / sigma).abs();
+        let size = (error / sigma.hypot(self.reference)).abs();
         if self.worst.is_none_or(|worst| size > worst.0) {
             self.worst = Some((size, time));
         }
@@ -169,6 +171,15 @@ mod tests {
         assert_eq!((tally.compared, tally.outside), (35, 17));
         assert_eq!(tally.worst.map(|w| w.1.seconds()), Some(7.0));
         assert_eq!(tally.left.map(|e| e.from.seconds()), Some(7.0));
+    }
+
+    /// An error of 8 sigma is 8/sqrt(1 + 49), 1.1 sigma of both where the reference has 7 times as much.
+    #[test]
+    fn a_recorded_reference_counts_with_its_own_sigma() {
+        let mut tally = Tally { reference: 7.0, ..Tally::default() };
+        tally.add(Time::default(), 0.0, 1.0, 8.0);
+        let size = tally.worst.map_or(0.0, |worst| worst.0);
+        assert!((size - 8.0 / 50f64.sqrt()).abs() < 1e-12 && tally.outside == 0, "{size}");
     }
 
     #[test]

@@ -71,6 +71,8 @@ pub struct Motion {
     turned: Option<Time>,
     /// Set while the vehicle turns.
     pub turning: bool,
+    /// The name of the truth: a recorded one is a reference.
+    pub compared: &'static str,
     last: Option<Time>,
 }
 
@@ -144,6 +146,7 @@ impl Motion {
             turn: UnitQuaternion::identity(),
             turned: None,
             turning: false,
+            compared: "truth",
             extent: Extent::NONE,
             here: Here::default(),
             last: None,

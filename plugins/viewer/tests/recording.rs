@@ -150,6 +150,11 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         "/map/vehicle",
         "/plan/estimate",
         "/plan/grid",
+        "/plan/scale",
+        "/world/tube",
+        "/clock",
+        "/colours",
+        "/states",
         "/health/dvl",
         "/health/imu",
         "/overview",
@@ -215,6 +220,14 @@ fn texts(path: &Path, entity: &str, component: ComponentIdentifier) -> Vec<Strin
         .collect()
 }
 
+/// The healths of a sensor; the words are taken away from short stretches by states that follow.
+fn healths(path: &Path, sensor: &str) -> Vec<String> {
+    let component = StateChange::descriptor_state().component;
+    let mut states = texts(path, &format!("/health/{sensor}"), component);
+    states.retain(|state| !state.ends_with(' '));
+    states
+}
+
 #[test]
 fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities() {
     let folder = tempfile::tempdir().unwrap();
@@ -249,7 +262,7 @@ fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities()
     let rows = scalars(&path);
     assert_eq!(rows["/derived/information/roll"], [(time.nanos(), vec![0.25, 0.75])]);
     assert_eq!(rows["/derived/information/pitch"], [(time.nanos(), vec![1.0, 0.0])]);
-    let states = texts(&path, "/health/imu", StateChange::descriptor_state().component);
+    let states = healths(&path, "imu");
     assert_eq!(states.last().map(String::as_str), Some("rejected"), "{states:?}");
     // the answers come before the tables, and sigma is named once in the legend of the plan
     let page = texts(&path, "/overview", TextDocument::descriptor_text().component).concat();
@@ -277,15 +290,29 @@ fn a_sample_of_which_a_group_of_channels_is_gated_is_gated_until_the_whole_sampl
             UpdateRecord { time, sensor, outcome, nis, threshold, present, innovation, covariance };
         sink.take(&Record::Update(&record)).unwrap();
     };
-    for k in 200..220 {
+    for k in 200..212 {
         update(k, Outcome::Gated, 0b011);
         update(k, Outcome::Accepted, 0b100);
     }
-    (220..240).for_each(|k| update(k, Outcome::Accepted, 0b111));
+    (212..240).for_each(|k| update(k, Outcome::Accepted, 0b111));
     sink.finish().unwrap();
     let path = folder.path().join("run.rrd");
-    let states = texts(&path, "/health/dvl", StateChange::descriptor_state().component);
+    let states = healths(&path, "dvl");
     assert_eq!(states[states.len() - 3..], ["used", "gated", "used"], "{states:?}");
+    // every plot of the sensor is shaded while its samples were refused, and no plot of the other one
+    let rows = scalars(&path);
+    for plot in ["dvl/vel_x", "dvl/vel_z", "dvl/nis"] {
+        let shade = &rows[&format!("/innovation/{plot}/abandoned")];
+        let (first, last) = (shade[0].0, shade[shade.len() - 1].0);
+        assert_eq!(first, Synthetic::time(200).nanos(), "{plot}");
+        // the last stroke has three rows, a nanosecond apart
+        assert_eq!(last, Synthetic::time(212).nanos() + 2, "{plot}");
+    }
+    assert!(!rows.contains_key("/innovation/depth/depth/abandoned"));
+    // 1.2 s of 20 s have no room for their word
+    let all = texts(&path, "/health/dvl", StateChange::descriptor_state().component);
+    let without = |word: &str| all.contains(&format!("{word} "));
+    assert!(without("gated") && !without("used"), "{all:?}");
 }
 
 #[test]

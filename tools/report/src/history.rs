@@ -1,12 +1,12 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
-use crate::health::Judged;
 use crate::residuals::Residuals;
 pub(crate) use crate::row::{Row, displacement};
 use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::health::{Health, Judged, Judgement};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Derived, Event, Level};
+use navfuse_core::model::record::{Derived, Event, Level, Rejection};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
@@ -264,13 +264,16 @@ impl RunHistory {
         }
         // a sample without an innovation is one whole sample
         let present = if present == 0 { u16::MAX } else { present };
-        let (judged, innovation) = match fate {
-            Fate::Accepted => (Judged::Used, Some((freedom as usize, nis, threshold))),
-            Fate::Placed => (Judged::Used, None),
-            Fate::Gated => (Judged::Gated, None),
-            Fate::Rejected(_) => (Judged::Rejected, None),
+        let health = match fate {
+            Fate::Accepted | Fate::Placed => Health::Used,
+            Fate::Gated => Health::Gated,
+            Fate::Rejected(why) if why == Rejection::Isolated.reason(&[""]) => Health::Isolated,
+            Fate::Rejected(_) => Health::Rejected,
         };
-        sensor.health.update(at, judged, present, innovation);
+        let channels = freedom as usize;
+        let innovation =
+            matches!(fate, Fate::Accepted).then_some(Judgement { channels, nis, threshold });
+        sensor.health.update(&Judged { time: at, health, present, innovation });
         let updates = &mut sensor.updates;
         if matches!(fate, Fate::Accepted | Fate::Gated) {
             updates.residuals.resize_with(count, Residuals::default);

@@ -25,7 +25,7 @@ mod row;
 mod sensors;
 mod sink;
 
-pub use health::{Span, Strip};
+pub use health::{Span, spans};
 pub use history::{BlockHistory, RunHistory, Travelled};
 pub use log::read_log;
 pub use navfuse_core::units::thin::{Merge, ROWS, Thin};

@@ -1,8 +1,8 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
-use crate::health::Strip;
 use crate::residuals::Residuals;
 use navfuse_core::model::record::Outcomes;
+use navfuse_core::model::record::health::Lane;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
 
@@ -25,7 +25,7 @@ pub struct SensorHistory {
     /// Outcomes of the samples of a measuring sensor.
     pub updates: Updates,
     /// Health over time; of a reference nothing is known.
-    pub health: Strip,
+    pub health: Lane,
 }
 
 /// Range of a sensor's channels over several samples.

@@ -235,14 +235,13 @@ fn the_page_is_one_file_that_loads_nothing_and_escapes_what_it_shows() {
 }
 
 /// The DVL reads 5 times a second, and is silent for a quarter of a minute.
-#[cfg(feature = "rerun")]
 #[test]
 fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
     let folder = tempfile::tempdir().unwrap();
     let silent = "sensor.dvl.simulation.outages=[[\"60 s\", \"75 s\"]]";
     let (history, _) = run(&[silent], folder.path());
     let [_, last] = history.span().unwrap();
-    let spans = |name: &str| history.sensor(name).unwrap().health.spans(last);
+    let spans = |name: &str| navfuse_report::spans(&history.sensor(name).unwrap().health, last);
     let dvl = spans("dvl");
     let outage = dvl.iter().find(|s| s.word == "silent" && s.times[0] > 10.0).unwrap();
     // it begins an interval after the last sample, one in ten of which is lost

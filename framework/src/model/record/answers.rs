@@ -47,6 +47,9 @@ pub struct Answers {
     pub because: String,
     /// Answer to the second question.
     pub sigma: Truth,
+    /// Reason or size of this answer in a few words; may be empty.
+    #[serde(skip)]
+    pub sigma_because: String,
     /// Answer to the third question: one change for each part, the most urgent first.
     pub change: Vec<Change>,
 }
@@ -90,7 +93,7 @@ impl Criterion {
             Self::Bias => "innovations have a mean",
             Self::Correlation => "innovations are correlated",
             Self::Drift => "innovations drift",
-            Self::Reference => "the estimate contradicts it",
+            Self::Reference => "it is far from the reference",
         }
     }
 }
@@ -105,7 +108,7 @@ impl Reason {
     }
 
     /// Returns `true` if the noise is stated too large: the actual sigma is the smaller one.
-    fn safe(&self) -> bool {
+    pub(crate) fn is_safe(&self) -> bool {
         self.severity == Severity::Note && self.remedy.ends_with("too large")
     }
 }
@@ -131,17 +134,39 @@ impl Verdict {
             VerdictLevel::DoNotUse => Usable::No,
         };
         let sigma = || self.reasons.iter().filter(|r| r.doubts_sigma());
-        let sigma = match () {
-            () if sigma().any(|r| r.severity > Severity::Contained && !r.safe()) => Truth::TooSmall,
-            () if sigma().any(Reason::safe) && sigma().all(Reason::safe) => Truth::TooLarge,
+        let truth = match () {
+            () if sigma().any(|r| r.severity > Severity::Contained && !r.is_safe()) => {
+                Truth::TooSmall
+            }
+            () if sigma().any(Reason::is_safe) && sigma().all(Reason::is_safe) => Truth::TooLarge,
             () => Truth::True,
         };
-        let remedies = self.reasons.iter().filter(|r| !r.remedy.is_empty());
+        let wrong = sigma().find(|r| r.severity > Severity::Contained && !r.is_safe());
+        let noisy = || sigma().any(|r| r.severity == Severity::Note && !r.is_safe());
+        let sigma_because = match (truth, wrong) {
+            (Truth::TooSmall, Some(reason)) => {
+                format!("{}: {}", reason.about, reason.criterion.words())
+            }
+            // a note on a noise that is stated too small has a size of 1.2 at most
+            (Truth::True, _) if noisy() => "to 20 %".to_owned(),
+            (Truth::TooLarge, _) => "on the safe side".to_owned(),
+            _ => String::new(),
+        };
+        // a reference shows that the estimate is wrong, and not what to change
+        let named = self
+            .reasons
+            .iter()
+            .any(|r| r.criterion != Criterion::Reference && !r.remedy.is_empty());
+        let remedies = self
+            .reasons
+            .iter()
+            .filter(|r| !r.remedy.is_empty() && (r.criterion != Criterion::Reference || !named));
         let change = parts(remedies.clone()).into_iter().filter_map(|part| {
             let reason = remedies.clone().find(|r| r.about == part)?;
             Some(Change { about: reason.about.clone(), remedy: reason.remedy.clone() })
         });
-        Answers { usable, because: self.because(), sigma, change: change.collect() }
+        let (because, change) = (self.because(), change.collect());
+        Answers { usable, because, sigma: truth, sigma_because, change }
     }
 
     /// Returns `true` if every fault is contained.
@@ -199,12 +224,14 @@ mod tests {
                 usable: Usable::Yes,
                 because: String::new(),
                 sigma: Truth::TooLarge,
+                sigma_because: "on the safe side".to_owned(),
                 change: vec![change]
             }
         );
         assert_eq!(verdict(&[]).sigma, Truth::True);
         let slight = (Criterion::Nis, Severity::Note, "dvl", "its noise is slightly too small");
-        assert_eq!(verdict(&[slight]).sigma, Truth::True);
+        let answers = verdict(&[slight]);
+        assert_eq!((answers.sigma, answers.sigma_because.as_str()), (Truth::True, "to 20 %"));
     }
 
     #[test]
@@ -225,10 +252,23 @@ mod tests {
         let answers = verdict(&[contained, doubt]);
         assert_eq!((answers.usable, answers.sigma), (Usable::WithCare, Truth::TooSmall));
         assert_eq!(answers.because, "dvl: innovations have a mean");
+        assert_eq!(answers.sigma_because, "dvl: innovations have a mean");
         let answers = verdict(&[doubt, (Criterion::Ended, Severity::DoNotUse, "run", "")]);
         assert_eq!(
             (answers.usable, answers.because.as_str()),
             (Usable::No, "run: the run ended early")
         );
+    }
+
+    /// A reference names no part: the change is the one of the sensor, and the reference is not bad.
+    #[test]
+    fn an_estimate_far_from_its_reference_accuses_the_sensor_alone() {
+        let off = (Criterion::Reference, Severity::DoNotUse, "estimate", "look at the sensors");
+        let fault = (Criterion::Finding, Severity::DoNotUse, "imu", "check its axes");
+        let parts = |reasons: &[_]| -> Vec<String> {
+            verdict(reasons).change.into_iter().map(|change| change.about).collect()
+        };
+        assert_eq!(parts(&[fault, off]), ["imu"]);
+        assert_eq!(parts(&[off]), ["estimate"]);
     }
 }

@@ -4,6 +4,8 @@ pub mod answers;
 mod derived;
 mod event;
 pub mod finding;
+pub mod health;
+pub mod latest;
 mod outcome;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;

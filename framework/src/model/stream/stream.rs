@@ -1,7 +1,7 @@
 //! Sources of samples and sinks of results.
 
 use crate::model::record::{Derived, Event, Record, Wants};
-use crate::model::sensor::SensorInfo;
+use crate::model::sensor::{Accuracy, SensorInfo};
 use crate::model::stream::StreamError;
 use crate::state::Layout;
 use crate::units::sample::Sample;
@@ -78,6 +78,9 @@ pub struct RunInfo {
     pub simulated: bool,
     /// True for a run that is smoothed: see [`Record::Filtered`].
     pub smoothed: bool,
+    /// 1-sigma of the first reference, as its table states it or as the verdict assumes it; zero for a
+    /// simulated one, which is the truth.
+    pub reference: Option<Accuracy>,
     /// Version of the program.
     pub version: String,
     /// The blocks of the state.

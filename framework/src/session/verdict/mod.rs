@@ -25,6 +25,7 @@ use crate::units::time::Time;
 use innovations::SensorStatistics;
 use linearisation::{WidePrior, wide_priors};
 use reference::ReferenceStatistics;
+pub(crate) use reference::accuracy;
 use report::{FALSE_ALARM, Report, reason};
 use states::StateStatistics;
 
@@ -173,6 +174,7 @@ impl Judge {
         }
         report.reasons.retain(|reason| !(explained && reason.criterion.compares()));
         contain(&mut report.reasons);
+        keep_noise(&mut report.reasons);
         self.wide.iter().for_each(|prior| prior.acquit(&mut report.reasons));
         Verdict::new(report.reasons, report.sensors)
     }
@@ -196,6 +198,23 @@ fn contain(reasons: &mut [Reason]) {
     };
     for reason in reasons.iter_mut().filter(of_fault) {
         reason.severity = reason.severity.min(Severity::Contained);
+    }
+}
+
+/// Changes the remedy of a stated noise that is too large where successive innovations share an error:
+/// less noise would follow this error more closely.
+fn keep_noise(reasons: &mut [Reason]) {
+    let slow = |r: &&Reason| {
+        let shared = matches!(r.criterion, Criterion::Correlation | Criterion::Drift);
+        shared && r.severity > Severity::Note
+    };
+    let slow: Vec<String> = reasons.iter().filter(slow).map(|r| r.about.clone()).collect();
+    let quiet = |r: &&mut Reason| r.is_safe() && slow.contains(&r.about);
+    for reason in reasons.iter_mut().filter(quiet) {
+        reason.remedy =
+            "do not lower its stated noise: its samples share a slow error, which scatters \
+                         little from sample to sample"
+                .to_owned();
     }
 }
 

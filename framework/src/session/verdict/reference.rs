@@ -41,15 +41,20 @@ struct Difference {
     sigmas: f64,
 }
 
+/// Name and 1-sigma of the first reference of a composition: stated, or assumed for a recorded one.
+pub(crate) fn accuracy(composition: &Composition) -> Option<(&str, Accuracy)> {
+    let (name, stated) = composition.sensors.iter().find_map(|sensor| match &sensor.role {
+        Role::Reference(reference) => Some((sensor.info.name.as_str(), reference.accuracy())),
+        Role::Measurement(_) | Role::Input(_) => None,
+    })?;
+    let assumed = if composition.simulated { Accuracy::default() } else { ASSUMED };
+    Some((name, stated.unwrap_or(assumed)))
+}
+
 impl ReferenceStatistics {
     /// Follows the first reference of a composition, if there is one.
     pub(crate) fn new(composition: &Composition) -> Option<Self> {
-        let (name, stated) = composition.sensors.iter().find_map(|sensor| match &sensor.role {
-            Role::Reference(reference) => Some((&sensor.info.name, reference.accuracy())),
-            Role::Measurement(_) | Role::Input(_) => None,
-        })?;
-        let assumed = if composition.simulated { Accuracy::default() } else { ASSUMED };
-        let Accuracy { position, velocity, attitude } = stated.unwrap_or(assumed);
+        let (name, Accuracy { position, velocity, attitude }) = accuracy(composition)?;
         let vehicle = composition.layout.vehicle();
         let stated = |slot: usize, sigma: f64| Stated { slot, sigma };
         let blocks = [
@@ -57,7 +62,7 @@ impl ReferenceStatistics {
             vehicle.velocity.map(|block| stated(block.slot(), velocity)),
             vehicle.attitude.map(|block| stated(block.slot(), attitude)),
         ];
-        Some(Self { name: name.clone(), blocks: blocks.into_iter().flatten().collect() })
+        Some(Self { name: name.to_owned(), blocks: blocks.into_iter().flatten().collect() })
     }
 
     /// Judges the component that is farthest from the reference, at `alpha`, the probability of a
@@ -75,12 +80,13 @@ impl ReferenceStatistics {
         };
         let severity = if distance >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
         let text = format!(
-            "at the end {name} is {error:.3} {unit} off the reference, {distance:.1} sigma of \
-             estimate and reference together"
+            "at the end {name} is {error:.3} {unit} off {}, {distance:.1} sigma of estimate and \
+             reference together",
+            self.name
         );
         let remedy = "an error of a sensor is not modelled: look at the sensors and priors that \
                       determine the state, and at the accuracy of the reference";
-        report.reasons.push(reason(Criterion::Reference, severity, &self.name, text, remedy));
+        report.reasons.push(reason(Criterion::Reference, severity, "estimate", text, remedy));
     }
 }
 
@@ -130,10 +136,7 @@ mod tests {
         }
         // an exact one
         let text = judged(0.0, 1.5, 10).map(|(_, text)| text).unwrap_or_default();
-        assert!(
-            text.contains("ins.velocity east is 1.500 m/s off the reference, 5.0 sigma"),
-            "{text}"
-        );
+        assert!(text.contains("ins.velocity east is 1.500 m/s off reference, 5.0 sigma"), "{text}");
     }
 
     #[test]

@@ -18,6 +18,7 @@
 //! | `/reference/odometry` | `nav_msgs/Odometry` | the true pose of `reference_frd` in `ned`, and the velocity in its axes, once a second |
 //! | `/estimate/markers` | `visualization_msgs/MarkerArray` | the ellipsoid of 3 sigma and the lever arms, once a second |
 //! | `/verdict` | `navfuse_msgs/Verdict` | level and line of the verdict, at the end |
+//! | `/health/NAME` | `navfuse_msgs/Health` | used, NIS too large, doubted, gated, rejected, isolated or silent: a message for each change, whose stamp is its begin |
 //! | `/log` | `rcl_interfaces/Log` | events, and findings as warnings |
 //! | `/finding` | `navfuse_msgs/Finding` | a fault that was found: severity, basis, evidence and remedy |
 //! | `/rejection` | `navfuse_msgs/Rejection` | a sample of a driving sensor that the filter rejected, and why |
@@ -51,6 +52,9 @@
 //!
 //! [`BagSink`] writes the estimates as a bag of ROS 2, with the axes of REP 103.
 //!
+//! Beside the log stands its layout for Foxglove, `run.foxglove.json`, whose panels have the blocks and
+//! sensors of the run.
+//!
 //! The same run gives the same bytes. A log that was cut off is read up to the cut.
 
 mod background;
@@ -59,6 +63,8 @@ mod chunk;
 mod file;
 mod format;
 mod frames;
+mod lanes;
+mod layout;
 mod log;
 mod message;
 mod motion;

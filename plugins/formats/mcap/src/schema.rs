@@ -101,6 +101,10 @@ pub const MARKERS: Schema = schema!(
 pub const VERDICT: Schema =
     schema!("navfuse_msgs" / "Verdict", "std_msgs" / "Header", "builtin_interfaces" / "Time");
 
+/// The health of a sensor.
+pub const HEALTH: Schema =
+    schema!("navfuse_msgs" / "Health", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
 /// Frames.
 pub const TRANSFORMS: Schema = schema!(
     "tf2_msgs" / "TFMessage",

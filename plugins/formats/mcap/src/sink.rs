@@ -2,12 +2,13 @@
 
 use crate::chunk::Definitions;
 use crate::file::{Compression, LogFile};
+use crate::layout;
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
 use crate::message::Stamp;
 use crate::pause::Pause;
 use crate::topics::Topics;
 use crate::writer::LogWriter;
-use navfuse_core::files::{WholeFile, numbered, part_of};
+use navfuse_core::files::{WholeFile, numbered, part_of, write_whole};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{
@@ -56,7 +57,7 @@ impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
 
     fn files(&self) -> Vec<PathBuf> {
-        vec![self.path.clone()]
+        vec![self.path.clone(), layout::beside(&self.path)]
     }
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
@@ -268,6 +269,12 @@ impl Sink for McapSink {
         if let Some(recording) = self.recording.take() {
             recording.finish().map_err(|e| failure(&self.path, e))?;
         }
+        if let Some(run) = &self.run {
+            let path = layout::beside(&self.path);
+            let layout = format!("{:#}\n", layout::layout(run));
+            write_whole(&path, layout.as_bytes())
+                .map_err(|e| StreamError::sink(Mcap::TYPE, path, e))?;
+        }
         let path = self.path.display();
         let files = match self.number {
             1 => path.to_string(),
@@ -359,12 +366,14 @@ impl Recording {
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
-        self.topics.sensors[sample.sensor.0].sample(&mut self.log, sample)
+        self.topics.sensors[sample.sensor.0].sample(&mut self.log, sample)?;
+        self.topics.lanes.sample(&mut self.log, sample)
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
         self.topics.estimate.epoch(&mut self.log, epoch)?;
-        self.topics.shown.epoch(&mut self.log, epoch)
+        self.topics.shown.epoch(&mut self.log, epoch)?;
+        self.topics.lanes.tick(&mut self.log, epoch.state.time, false)
     }
 
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamFailure> {
@@ -373,11 +382,13 @@ impl Recording {
     }
 
     fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.topics.filtered.epoch(&mut self.log, epoch)
+        self.topics.filtered.epoch(&mut self.log, epoch)?;
+        self.topics.lanes.tick(&mut self.log, epoch.state.time, true)
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
-        self.topics.sensors[update.sensor.0].update(&mut self.log, update)
+        self.topics.sensors[update.sensor.0].update(&mut self.log, update)?;
+        self.topics.lanes.update(&mut self.log, update)
     }
 
     /// Writes an event. An event from before the clock was known has the latest logged time.
@@ -388,7 +399,8 @@ impl Recording {
 
     fn finding(&mut self, finding: &Finding) -> Result<(), StreamFailure> {
         let (time, stamp) = self.stamp(finding.time)?;
-        self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))
+        self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))?;
+        self.topics.lanes.finding(&mut self.log, finding)
     }
 
     fn derived(&mut self, derived: &Derived) -> Result<(), StreamFailure> {
@@ -398,7 +410,8 @@ impl Recording {
 
     fn rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamFailure> {
         let Topics { sensors, rejections, .. } = &mut self.topics;
-        rejections.rejection(&mut self.log, &sensors[rejection.sensor.0], rejection)
+        rejections.rejection(&mut self.log, &sensors[rejection.sensor.0], rejection)?;
+        self.topics.lanes.reject(&mut self.log, rejection.sensor, rejection.time)
     }
 
     /// The time of a message, and its stamp: the latest logged time from before the clock was known.

@@ -2,6 +2,7 @@
 
 use crate::chunk::{Definitions, Topic};
 use crate::frames::Frames;
+use crate::lanes::Lanes;
 use crate::log::StreamFailure;
 use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
@@ -36,6 +37,8 @@ pub struct Topics {
     pub filtered: Blocks,
     /// Topics for those who look at the log.
     pub shown: Shown,
+    /// `/health/NAME`
+    pub lanes: Lanes,
 }
 
 impl Topics {
@@ -54,6 +57,7 @@ impl Topics {
             },
             // the last ones: the others keep their numbers
             shown: Shown::open(log, run),
+            lanes: Lanes::open(log, run),
         }
     }
 }

@@ -221,17 +221,22 @@ fn texts<'v>(value: &'v Value, keys: &[&str], out: &mut Vec<&'v str>) {
 }
 
 #[test]
-fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_a_log() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/src/how-to/foxglove.json");
-    let layout = std::fs::read_to_string(path).unwrap();
-    let layout: Value = serde_json::from_str(&layout).unwrap();
+fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_its_log() {
     let folder = tempfile::tempdir().unwrap();
     let misaligned = "sensor.dvl.misalignment={ sigma = \"0.1 deg\" }".to_owned();
     run(SCENARIO, &[misaligned], folder.path());
+    let layout = std::fs::read_to_string(folder.path().join("run.foxglove.json")).unwrap();
+    let layout: Value = serde_json::from_str(&layout).unwrap();
     let log = read(&folder.path().join("run.mcap"));
     let mut paths = Vec::new();
     texts(&layout["configById"], &["value", "followTopic", "topicToRender"], &mut paths);
     assert!(paths.len() > 30, "{paths:?}");
+    for topic in ["/health/imu", "/health/dvl", "/health/depth"] {
+        assert!(paths.iter().any(|path| *path == format!("{topic}.health")), "{paths:?}");
+        let healths = log.iter().filter(|m| m.topic == topic);
+        let words: Vec<_> = healths.map(|m| m.fields["health"].as_str().unwrap_or("")).collect();
+        assert!(words.last().is_some_and(|word| word.ends_with("used")), "{topic}: {words:?}");
+    }
     for path in paths {
         let (topic, field) = path.split_once('.').unwrap_or((path, ""));
         // `.error[1].@mul(3)` is a field, an index and a function

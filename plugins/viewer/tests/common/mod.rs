@@ -155,6 +155,7 @@ impl Synthetic {
             seed: 1,
             simulated: true,
             smoothed: false,
+            reference: None,
             version: "0.1.0".into(),
             layout,
             sensors,

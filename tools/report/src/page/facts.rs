@@ -112,7 +112,7 @@ fn judged(verdict: Option<&Verdict>) -> Markup {
 
 /// Creates the answers to the three questions.
 fn answers(answers: &Answers) -> Markup {
-    let Answers { usable, because, sigma, change } = answers;
+    let Answers { usable, because, sigma, sigma_because, change } = answers;
     let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     html! {
         dl.facts {
@@ -120,7 +120,10 @@ fn answers(answers: &Answers) -> Markup {
                 dt { "Is the estimate usable?" }
                 dd { (usable.words()) @if !because.is_empty() { ", " (because) } }
             }
-            div { dt { "Is its sigma true?" } dd { (sigma.words()) } }
+            div {
+                dt { "Is its sigma true?" }
+                dd { (sigma.words()) @if !sigma_because.is_empty() { ", " (sigma_because) } }
+            }
             div {
                 dt { "What should be changed?" }
                 dd { @if parts.is_empty() { "nothing" } @else { (parts.join(", ")) } }

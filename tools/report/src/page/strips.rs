@@ -1,7 +1,7 @@
 //! The strips of health: a bar over time for each sensor.
 
 use super::facts::seconds;
-use crate::health::Span;
+use crate::health::{Span, spans};
 use crate::history::RunHistory;
 use maud::{Markup, html};
 
@@ -20,7 +20,7 @@ pub(super) fn strips(history: &RunHistory) -> Markup {
     let Some([first, last]) = history.span().filter(|[first, last]| first < last) else {
         return html! {};
     };
-    let bars = history.sensors.iter().map(|s| (s.name.as_str(), s.health.spans(last)));
+    let bars = history.sensors.iter().map(|s| (s.name.as_str(), spans(&s.health, last)));
     let bars: Vec<_> = bars.filter(|(_, spans)| !spans.is_empty()).collect();
     if bars.is_empty() {
         return html! {};

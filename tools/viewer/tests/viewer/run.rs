@@ -24,6 +24,8 @@ const GATED: [u8; 3] = [255, 0, 200];
 const BAND: [u8; 3] = [0, 158, 115];
 const USED: [u8; 3] = [0, 158, 115];
 const MARK: [u8; 3] = [225, 228, 232];
+/// Parts of strips are drawn at 200 of 255 of their brightness.
+const ISOLATED: [u8; 3] = [125, 16, 47];
 
 /// The names of views, and the colours that each shows.
 type Views = &'static [(&'static str, &'static [[u8; 3]])];
@@ -36,7 +38,8 @@ const PAGES: &[(&[&str], Views)] = &[
             ("From above; ", &[TRUTH, MARK]),
             ("Follows the vehicle; ", &[BEAM]),
             ("Verdict and reasons", &[]),
-            ("Health of the sensors", &[USED]),
+            ("Health of the sensors", &[USED, GATED, ISOLATED]),
+            ("States at the end", &[]),
         ],
     ),
     (
@@ -138,7 +141,7 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
 /// The places of views in the window of 1600x1000, as shares of its width and height: the view that
 /// follows the vehicle, and the strips of health without their names at the left.
 const FOLLOWS: [f64; 4] = [0.285, 0.1, 0.55, 0.6];
-const STRIPS: [f64; 4] = [0.03, 0.66, 0.555, 0.96];
+const STRIPS: [f64; 4] = [0.03, 0.66, 0.385, 0.96];
 
 fn part(window: &image::RgbImage, [left, top, right, bottom]: [f64; 4]) -> image::RgbImage {
     let (w, h) = (f64::from(window.width()), f64::from(window.height()));

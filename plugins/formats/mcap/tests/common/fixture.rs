@@ -105,6 +105,7 @@ pub fn info() -> RunInfo {
         seed: 7,
         simulated: false,
         smoothed: false,
+        reference: None,
         version: "1.2.3".into(),
         layout: layout(),
         sensors: sensors(),

@@ -1,11 +1,11 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
-use crate::nis::{LATEST, Latest};
-use crate::style::{Colour, GATED, REJECTED};
-use navfuse_core::model::chi_square::outside;
-use navfuse_core::units::rhythm::Rhythm;
-use navfuse_core::units::time::{Span, Time};
+use crate::model::chi_square::outside;
+use crate::model::record::latest::{LATEST, Latest};
+use crate::model::record::{Outcome, Rejection, UpdateRecord};
+use crate::units::rhythm::Rhythm;
+use crate::units::time::{Span, Time};
 use std::collections::VecDeque;
 
 /// Number of latest samples whose majority is the health of a sensor: a single outlier does not
@@ -29,14 +29,38 @@ pub enum Health {
     Gated,
     /// Most samples are rejected before the gate.
     Rejected,
+    /// The sensor is isolated: the filter judges its samples and uses none.
+    Isolated,
     /// No samples arrive.
     Silent,
 }
 
 impl Health {
     /// All values.
-    pub const ALL: [Self; 6] =
-        [Self::Used, Self::Noisy, Self::Doubted, Self::Gated, Self::Rejected, Self::Silent];
+    pub const ALL: [Self; 7] = [
+        Self::Used,
+        Self::Noisy,
+        Self::Doubted,
+        Self::Gated,
+        Self::Rejected,
+        Self::Isolated,
+        Self::Silent,
+    ];
+
+    /// Health that an outcome shows.
+    pub fn of(outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Accepted | Outcome::Placed => Self::Used,
+            Outcome::Gated => Self::Gated,
+            Outcome::Rejected(Rejection::Isolated) => Self::Isolated,
+            Outcome::Rejected(_) => Self::Rejected,
+        }
+    }
+
+    /// Returns `true` if the filter refuses the samples.
+    pub fn refuses(self) -> bool {
+        matches!(self, Self::Gated | Self::Rejected | Self::Isolated)
+    }
 
     /// Word in the lane.
     pub fn word(self) -> &'static str {
@@ -46,19 +70,20 @@ impl Health {
             Self::Doubted => "doubted",
             Self::Gated => "gated",
             Self::Rejected => "rejected",
+            Self::Isolated => "isolated",
             Self::Silent => "silent",
         }
     }
 
-    /// Colour in the lane: distinct for the colour-blind too, and the one of the marks in the
-    /// plots.
-    pub fn colour(self) -> Colour {
+    /// Colour, red, green and blue: distinct for the colour-blind too.
+    pub fn colour(self) -> [u8; 3] {
         match self {
             Self::Used => [0, 158, 115],
             Self::Noisy => [240, 228, 66],
             Self::Doubted => [86, 180, 233],
-            Self::Gated => GATED,
-            Self::Rejected => REJECTED[0],
+            Self::Gated => [255, 0, 200],
+            Self::Rejected => [213, 94, 0],
+            Self::Isolated => [160, 20, 60],
             Self::Silent => [96, 100, 108],
         }
     }
@@ -99,14 +124,27 @@ pub struct Judgement {
     pub threshold: f64,
 }
 
+impl From<&UpdateRecord<'_>> for Judged {
+    fn from(update: &UpdateRecord<'_>) -> Self {
+        // a placed sample has no innovation
+        let innovation = (update.outcome == Outcome::Accepted).then_some(Judgement {
+            channels: update.innovation.len(),
+            nis: update.nis,
+            threshold: update.threshold,
+        });
+        let health = Health::of(update.outcome);
+        Self { time: update.time, health, present: update.present, innovation }
+    }
+}
+
 /// Lane of one sensor.
 #[derive(Clone, Debug, Default)]
 pub struct Lane {
     /// Finished stretches.
     pub stretches: Vec<Stretch>,
     current: Option<(Health, Time)>,
-    /// Set by the first finding about the sensor.
-    doubted: bool,
+    /// Time of the first finding about the sensor.
+    doubted: Option<Time>,
     latest: VecDeque<(Time, Health)>,
     nis: Latest,
     rhythm: Rhythm,
@@ -119,6 +157,18 @@ impl Lane {
     /// Health at present and its begin; `None` before the first time.
     pub fn current(&self) -> Option<(Health, Time)> {
         self.current
+    }
+
+    /// Time of the first finding about the sensor.
+    pub fn doubted(&self) -> Option<Time> {
+        self.doubted
+    }
+
+    /// Mean NIS of the latest used samples, at most 25, and its expectation.
+    pub fn nis(&self) -> Option<[f64; 2]> {
+        let sums = self.nis.sums();
+        let count = sums.count as f64;
+        (sums.count > 0).then(|| [sums.nis / count, sums.mean / count])
     }
 
     /// Health and begin of all stretches but the first ones, the present one included.
@@ -150,7 +200,7 @@ impl Lane {
 
     /// Takes a finding about the sensor: from its time on the sensor is doubted where it is used.
     pub fn doubt(&mut self, time: Time) {
-        self.doubted = true;
+        self.doubted.get_or_insert(time);
         if let Some((Health::Used | Health::Noisy, from)) = self.current {
             self.change(Health::Doubted, time.max(from));
         }
@@ -173,7 +223,7 @@ impl Lane {
         if self.is_part(update) {
             // of a sample in parts the worst one counts
             match self.latest.back() {
-                Some((_, Health::Gated | Health::Rejected)) => return,
+                Some((_, before)) if before.refuses() => return,
                 _ => drop(self.latest.pop_back()),
             }
         }
@@ -216,7 +266,7 @@ impl Lane {
     /// Lets the lane follow the majority of the latest samples, of which this is one.
     fn follow(&mut self, time: Time, health: Health) {
         let health = match health {
-            Health::Used | Health::Noisy if self.doubted => Health::Doubted,
+            Health::Used | Health::Noisy if self.doubted.is_some() => Health::Doubted,
             other => other,
         };
         if self.latest.len() == MAJORITY {

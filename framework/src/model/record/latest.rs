@@ -1,7 +1,7 @@
 //! The NIS of the latest accepted samples of a sensor together, and what is expected of it.
 
-use crate::health::Judgement;
-use navfuse_core::model::chi_square::gated_moments;
+use crate::model::chi_square::gated_moments;
+use crate::model::record::health::Judgement;
 use std::collections::VecDeque;
 
 /// Number of latest accepted samples whose NIS is judged together.
@@ -44,6 +44,11 @@ impl Latest {
             self.samples.pop_front();
         }
         self.samples.push_back(Sums { count: 1, channels, nis, mean, variance });
+        self.sums()
+    }
+
+    /// The sums over the latest samples.
+    pub fn sums(&self) -> Sums {
         self.samples.iter().fold(Sums::default(), |a, b| Sums {
             count: a.count + b.count,
             channels: a.channels + b.channels,

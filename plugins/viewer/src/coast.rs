@@ -1,0 +1,115 @@
+//! The coastlines of the Earth, for a map without a network: Natural Earth 1:10 million, which is in the
+//! public domain, thinned by `docs/coast`.
+
+/// Lines of steps of longitude and latitude, as `docs/coast` writes them.
+const BYTES: &[u8] = include_bytes!("coast.bin");
+/// Unit of the steps, deg.
+const UNIT: f64 = 0.004;
+/// Farthest that thinning moved a line, in words: 0.01 deg.
+pub const ACCURACY: &str = "1 km";
+
+/// A place: latitude and longitude, deg.
+type Place = [f64; 2];
+
+/// The pieces of the coastlines of which a part is between the least and the greatest latitude and longitude,
+/// deg.
+pub fn within([low, high]: [Place; 2]) -> Vec<Vec<Place>> {
+    let mut pieces = Vec::new();
+    let mut numbers = Numbers(BYTES.iter());
+    let mut at = [0_i64; 2];
+    while let Some(count) = numbers.next() {
+        let mut piece: Vec<Place> = Vec::new();
+        let mut before: Option<Place> = None;
+        for _ in 0..count {
+            let (Some(east), Some(north)) = (numbers.step(), numbers.step()) else { break };
+            at = [at[0] + east, at[1] + north];
+            let place = [at[1], at[0]].map(|x| UNIT * x as f64);
+            // a segment whose box is apart from the other one has no part in it
+            let meets = |a: Place| {
+                (0..2).all(|k| a[k].min(place[k]) <= high[k] && a[k].max(place[k]) >= low[k])
+            };
+            match before.replace(place) {
+                Some(from) if meets(from) => {
+                    if piece.is_empty() {
+                        piece.push(from);
+                    }
+                    piece.push(place);
+                }
+                _ => pieces.extend(Some(std::mem::take(&mut piece)).filter(|p| !p.is_empty())),
+            }
+        }
+        pieces.extend(Some(piece).filter(|piece| !piece.is_empty()));
+    }
+    pieces
+}
+
+/// Numbers of variable length: 7 bits in a byte, least first.
+struct Numbers<'a>(std::slice::Iter<'a, u8>);
+
+impl Numbers<'_> {
+    fn next(&mut self) -> Option<u64> {
+        let (mut number, mut shift) = (0_u64, 0);
+        loop {
+            let byte = self.0.next()?;
+            number |= u64::from(byte & 127).checked_shl(shift)?;
+            if byte & 128 == 0 {
+                return Some(number);
+            }
+            shift += 7;
+        }
+    }
+
+    /// A number with its sign in the lowest bit.
+    fn step(&mut self) -> Option<i64> {
+        let number = self.next()?;
+        let half = (number >> 1) as i64;
+        Some(if number & 1 == 0 { half } else { -half - 1 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Distance of a place from the coast, km, along the segments around it.
+    fn distance([latitude, longitude]: Place) -> f64 {
+        let around = [[latitude - 0.3, longitude - 0.3], [latitude + 0.3, longitude + 0.3]];
+        let cosine = latitude.to_radians().cos();
+        let metric = |p: &Place| [(p[0] - latitude) * 111.2, (p[1] - longitude) * 111.2 * cosine];
+        let from = |pair: &[Place]| {
+            let [a, b] = [metric(&pair[0]), metric(&pair[1])];
+            let along = [b[0] - a[0], b[1] - a[1]];
+            let square = along[0].powi(2) + along[1].powi(2);
+            let share = -(a[0] * along[0] + a[1] * along[1]) / square.max(1e-12);
+            let share = share.clamp(0.0, 1.0);
+            (a[0] + share * along[0]).hypot(a[1] + share * along[1])
+        };
+        let pieces = within(around);
+        pieces.iter().flat_map(|piece| piece.windows(2).map(from)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Lighthouses and capes; the source is accurate to about half a kilometre, and thinning adds one.
+    #[test]
+    fn capes_are_on_the_coast() {
+        for (name, place) in [
+            ("South Foreland", [51.1404, 1.3712]),
+            ("Pointe du Raz", [48.0395, -4.7410]),
+            ("Cape Reinga", [-34.4220, 172.6800]),
+            ("Point Reyes", [37.9957, -123.0231]),
+        ] {
+            assert!(distance(place) < 1.6, "{name}: {} km", distance(place));
+        }
+    }
+
+    #[test]
+    fn all_lines_are_on_the_earth_and_the_open_sea_has_none() {
+        let all = within([[-90.0, -180.0], [90.0, 180.0]]);
+        assert_eq!(all.iter().map(Vec::len).sum::<usize>(), 128_885);
+        let inside = |p: &Place| p[0].abs() <= 90.0 && p[1].abs() <= 180.0;
+        assert!(all.iter().flatten().all(inside));
+        assert_eq!(within([[40.0, -35.0], [45.0, -30.0]]), Vec::<Vec<Place>>::new());
+        // a strait is a small part of them
+        let strait = within([[50.8, 1.0], [51.2, 2.0]]);
+        assert!((2..500).contains(&strait.iter().map(Vec::len).sum::<usize>()));
+    }
+}

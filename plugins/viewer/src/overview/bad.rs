@@ -1,0 +1,377 @@
+//! Which sensor was bad, and when: the culprits first, then the sensors that were refused because of
+//! them, and the silences, which are no faults.
+
+use super::span;
+use crate::innovation::SensorSeries;
+use crate::lane::SensorLane;
+use navfuse_core::model::record::finding::{Basis, Severity};
+use navfuse_core::model::record::health::{Health, Stretch};
+use navfuse_core::model::record::verdict::{Criterion, Verdict};
+use navfuse_core::units::time::Time;
+use std::fmt::Write;
+
+/// Number of stretches of one health in the line of a sensor.
+const STRETCHES: usize = 4;
+/// Shortest fault in the line of a sensor, and shortest silence, s.
+const SHORTEST: f64 = 1.0;
+const SHORTEST_SILENCE: f64 = 5.0;
+/// Longest time between two parts of one fault, s.
+const APART: f64 = 5.0;
+/// Number of gated samples from which on their share in turns counts.
+const GATED: u64 = 20;
+/// Share of gated samples in turns that names the turns, and how many times larger than the share
+/// of all samples it is then.
+const IN_TURNS: f64 = 0.7;
+const MORE_OFTEN: f64 = 2.0;
+
+/// Writes the answer.
+pub fn write(
+    page: &mut String,
+    lanes: &[SensorLane],
+    sensors: &[SensorSeries],
+    verdict: Option<&Verdict>,
+    now: Time,
+) {
+    let accused = |lane: &SensorLane| Accusation::of(lane, verdict);
+    let mut culprits: Vec<(&SensorLane, Accusation)> =
+        lanes.iter().filter_map(|lane| Some((lane, accused(lane)?))).collect();
+    // a driving sensor that is useless explains what contradicts it, unless its own samples do
+    let driver = culprits.iter().find(|(lane, a)| lane.drives && a.useless).map(|(lane, _)| *lane);
+    if let Some(driver) = driver {
+        let own = |lane: &SensorLane| lane.found.is_some_and(|found| found.1 == Basis::Samples);
+        culprits.retain(|(lane, _)| lane.name == driver.name || own(lane));
+    }
+    culprits.sort_by_key(|(_, accusation)| accusation.order);
+    let guilty = |lane: &SensorLane| culprits.iter().any(|(culprit, _)| culprit.name == lane.name);
+    let mut lines = Vec::new();
+    for (lane, accusation) in &culprits {
+        lines.push(line(lane, sensors, accusation.whole, now));
+    }
+    let (mut victims, mut others) = (Vec::new(), Vec::new());
+    for lane in lanes.iter().filter(|lane| !guilty(lane)) {
+        let faults = faults(lane, now);
+        if length(&faults) < SHORTEST {
+            continue;
+        }
+        let of = driver.or_else(|| culprits.iter().map(|c| c.0).find(|c| meet(c, lane, now)));
+        match of {
+            Some(culprit) => victims.push(format!(
+                "**{}**: refused because of {}: {}",
+                lane.name,
+                culprit.name,
+                in_words(lane, sensors, &faults)
+            )),
+            None => others.push(line(lane, sensors, false, now)),
+        }
+    }
+    lines.extend(victims.into_iter().chain(others));
+    page.push_str("\n**Which sensor was bad, and when?** ");
+    if lines.is_empty() {
+        page.push_str("None was gated, rejected or doubted for longer than a second.");
+    }
+    page.push_str("\n\n");
+    lines.iter().for_each(|line| _ = writeln!(page, "- {line}"));
+    write_silences(page, lanes, now);
+}
+
+/// What speaks against a sensor.
+struct Accusation {
+    /// Place among the reasons of the verdict, or among the severities so far.
+    order: usize,
+    /// Set where a finding makes the result useless.
+    useless: bool,
+    /// Set for statistics of the whole run, which have no times.
+    whole: bool,
+}
+
+impl Accusation {
+    /// The heaviest reason against a sensor, or the heaviest finding while there is no verdict.
+    fn of(lane: &SensorLane, verdict: Option<&Verdict>) -> Option<Self> {
+        let Some(verdict) = verdict else {
+            let (severity, _) = lane.found.filter(|found| found.0 > Severity::Note)?;
+            let order = usize::from(severity != Severity::DoNotUse);
+            return Some(Self { order, useless: order == 0, whole: false });
+        };
+        let of = |criterion: &dyn Fn(Criterion) -> bool, least: Severity| {
+            verdict.reasons.iter().position(|r| {
+                criterion(r.criterion) && r.severity > least && lane.is_meant_by(&r.about)
+            })
+        };
+        // a finding has a time, and with it the lane; a statistic of the whole run has none
+        let found = of(&|c| c == Criterion::Finding, Severity::Note);
+        let whole = of(&|c| c != Criterion::Finding, Severity::Contained);
+        let order = found.or(whole)?;
+        let useless = found.is_some_and(|k| verdict.reasons[k].severity == Severity::DoNotUse);
+        Some(Self { order, useless, whole: whole.is_some() })
+    }
+}
+
+/// The stretches in which the samples of a sensor were refused, or too far off.
+fn faults(lane: &SensorLane, now: Time) -> Vec<Stretch> {
+    let bad = |s: &Stretch| s.health.refuses() || s.health == Health::Noisy;
+    lane.stretches(now).into_iter().filter(bad).collect()
+}
+
+fn length(stretches: &[Stretch]) -> f64 {
+    stretches.iter().map(|s| s.to.since(s.from)).sum()
+}
+
+/// Returns `true` if a fault of one sensor began while the other one was at fault or doubted.
+fn meet(culprit: &SensorLane, lane: &SensorLane, now: Time) -> bool {
+    let bad = |s: &&Stretch| !matches!(s.health, Health::Used | Health::Silent);
+    let stretches = culprit.stretches(now);
+    let inside = |from: Time| stretches.iter().filter(bad).any(|s| s.from <= from && from <= s.to);
+    faults(lane, now).iter().any(|fault| inside(fault.from))
+}
+
+/// The line of a sensor: its fault from its begin to its end, in what it consists, and for how long
+/// its samples were used with doubt.
+fn line(lane: &SensorLane, sensors: &[SensorSeries], whole: bool, now: Time) -> String {
+    let faults = faults(lane, now);
+    let mut line = format!("**{}**", lane.name);
+    let turns = if is_bad_in_turns(lane) {
+        ", mostly in turns: look at its lever arm, mounting angles and clock"
+    } else {
+        ""
+    };
+    if whole {
+        let _ = write!(line, ", over the run (see the verdict){turns}");
+    }
+    let mut parts = Vec::new();
+    if whole && !faults.is_empty() {
+        parts.push(in_words(lane, sensors, &faults));
+    } else if length(&faults) >= SHORTEST {
+        let spans = joined(&faults);
+        let (first, last) = (spans[0].0, spans[spans.len() - 1].1);
+        let when = match spans.len() {
+            1 => format!("fault {} s", span(first, last)),
+            n => format!(
+                "{n} faults between {} s, {:.0} s in all",
+                span(first, last),
+                length(&faults)
+            ),
+        };
+        parts.push(format!("{when}{turns} ({})", in_words(lane, sensors, &faults)));
+    } else if let Some(found) = lane.lane.doubted() {
+        parts.push(format!("fault found at {:.0} s", found.seconds()));
+    }
+    let stretches = lane.stretches(now);
+    let doubted: Vec<Stretch> =
+        stretches.iter().copied().filter(|s| s.health == Health::Doubted).collect();
+    match (stretches.last().map(|s| s.health), doubted.first()) {
+        (Some(Health::Isolated), _) => parts.push("the sensor is isolated at the end".to_owned()),
+        (_, Some(first)) => parts.push(format!(
+            "used with doubt for {:.0} s, from {:.0} s on",
+            length(&doubted),
+            first.from.seconds()
+        )),
+        _ => {}
+    }
+    if !parts.is_empty() {
+        let _ = write!(line, ": {}", parts.join("; "));
+    }
+    line
+}
+
+/// The spans of stretches, those that follow each other as one.
+fn joined(stretches: &[Stretch]) -> Vec<(Time, Time)> {
+    let mut spans: Vec<(Time, Time)> = Vec::new();
+    for stretch in stretches {
+        match spans.last_mut() {
+            Some(last) if stretch.from.since(last.1) <= APART => last.1 = stretch.to,
+            _ => spans.push((stretch.from, stretch.to)),
+        }
+    }
+    spans
+}
+
+/// The spans of each health, in order of their begin, and why samples were rejected: the longest ones
+/// where there are many.
+fn in_words(lane: &SensorLane, sensors: &[SensorSeries], faults: &[Stretch]) -> String {
+    let mut order: Vec<Health> = Vec::new();
+    for fault in faults {
+        if !order.contains(&fault.health) {
+            order.push(fault.health);
+        }
+    }
+    let word = |health: Health| {
+        let of: Vec<Stretch> = faults.iter().copied().filter(|s| s.health == health).collect();
+        let why = if health == Health::Rejected { why(lane, sensors) } else { String::new() };
+        format!("{} {}{why}", health.word(), longest(of))
+    };
+    order.into_iter().map(word).collect::<Vec<_>>().join("; ")
+}
+
+/// The longest spans in order of time: `250–280, 300–310 s, 2 more`.
+fn longest(mut stretches: Vec<Stretch>) -> String {
+    let count = stretches.len();
+    stretches.sort_by(|a, b| b.to.since(b.from).total_cmp(&a.to.since(a.from)));
+    stretches.truncate(STRETCHES);
+    stretches.sort_by_key(|s| s.from);
+    let spans: Vec<String> = stretches.iter().map(|s| span(s.from, s.to)).collect();
+    match count.saturating_sub(STRETCHES) {
+        0 => format!("{} s", spans.join(", ")),
+        more => format!("{} s and {more} more times", spans.join(", ")),
+    }
+}
+
+/// The reason of most rejections but an isolation, which has a word of its own.
+fn why(lane: &SensorLane, sensors: &[SensorSeries]) -> String {
+    use navfuse_core::model::record::Rejection;
+    let series = sensors.iter().find(|s| s.name == lane.name);
+    let names: Vec<&str> =
+        series.iter().flat_map(|s| (0..s.channels.len()).map(|k| s.channel(k))).collect();
+    let others = lane.outcomes.rejected.iter().filter(|r| r.0 != Rejection::Isolated);
+    let most = others.max_by_key(|r| r.1);
+    most.map_or_else(String::new, |(reason, _)| format!(", {}", reason.reason(&names)))
+}
+
+/// Set where the gate rejects samples in turns above all.
+fn is_bad_in_turns(lane: &SensorLane) -> bool {
+    let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
+    let gated = share(lane.in_turns[1], lane.outcomes.gated);
+    lane.outcomes.gated >= GATED
+        && gated >= IN_TURNS
+        && gated
+            >= MORE_OFTEN * share(lane.in_turns[0], lane.outcomes.accepted + lane.outcomes.gated)
+}
+
+/// Writes when the sensors had no samples, in a line of its own: a dive has no satellites, and the
+/// verdict counts no silence as a fault.
+fn write_silences(page: &mut String, lanes: &[SensorLane], now: Time) {
+    let of = |lane: &SensorLane| {
+        let silent =
+            |s: &Stretch| s.health == Health::Silent && s.to.since(s.from) >= SHORTEST_SILENCE;
+        let silent: Vec<Stretch> = lane.stretches(now).into_iter().filter(silent).collect();
+        (!silent.is_empty()).then(|| format!("**{}** {}", lane.name, longest(silent)))
+    };
+    let parts: Vec<String> = lanes.iter().filter_map(of).collect();
+    if !parts.is_empty() {
+        let _ = writeln!(page, "\nSilent, which is no fault by itself: {}.", parts.join("; "));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::model::record::verdict::Reason;
+    use navfuse_core::model::sensor::{Purpose, SensorInfo};
+
+    fn time(seconds: i64) -> Time {
+        Time::from_nanos(seconds * 1_000_000_000)
+    }
+
+    /// A sensor with those stretches: health and end, s; the first one begins at zero.
+    fn lane(name: &str, purpose: Purpose, stretches: &[(Health, i64)]) -> SensorLane {
+        let info = SensorInfo {
+            name: name.into(),
+            kind: name.into(),
+            channels: Vec::new(),
+            purpose,
+            mounting: Default::default(),
+        };
+        let Some(mut lane) = SensorLane::new(&info) else { unreachable!("no reference") };
+        let mut from = time(0);
+        for (health, to) in stretches {
+            lane.lane.stretches.push(Stretch { health: *health, from, to: time(*to) });
+            from = time(*to);
+        }
+        lane
+    }
+
+    fn reason(criterion: Criterion, severity: Severity, about: &str) -> Reason {
+        let about = about.to_owned();
+        Reason { criterion, severity, about, text: String::new(), remedy: String::new() }
+    }
+
+    fn lines(lanes: &[SensorLane], reasons: &[Reason]) -> Vec<String> {
+        let mut page = String::new();
+        write(&mut page, lanes, &[], Some(&Verdict::new(reasons.to_vec(), Vec::new())), time(630));
+        page.lines().filter(|l| l.len() > 2).map(str::to_owned).collect()
+    }
+
+    /// A fault lasts from its first refused sample to its last, and the time for which later samples
+    /// are doubted is another number.
+    #[test]
+    fn a_fault_is_as_long_as_its_samples_were_refused() {
+        use Health::{Doubted, Gated, Isolated, Used};
+        let stretches = [(Used, 250), (Gated, 280), (Isolated, 312), (Doubted, 630)];
+        let depth = lane("depth", Purpose::Measurement, &stretches);
+        let found = [reason(Criterion::Finding, Severity::Contained, "depth")];
+        let expected = "- **depth**: fault 250–312 s (gated 250–280 s; isolated 280–312 s); used with \
+                        doubt for 318 s, from 312 s on";
+        assert_eq!(lines(&[depth], &found)[1..], [expected]);
+        let to_the_end = lane("depth", Purpose::Measurement, &[(Used, 250), (Isolated, 630)]);
+        let expected =
+            "- **depth**: fault 250–630 s (isolated 250–630 s); the sensor is isolated at the end";
+        assert_eq!(lines(&[to_the_end], &found)[1..], [expected]);
+    }
+
+    /// A driving sensor that is useless comes first, and the others are refused because of it, even
+    /// where the verdict names them; a fault that the samples of one show by themselves stays its own.
+    #[test]
+    fn the_culprit_comes_before_the_sensors_that_were_refused_because_of_it() {
+        use Health::{Doubted, Gated, Used};
+        let mut lanes = [
+            lane("depth", Purpose::Measurement, &[(Used, 256), (Gated, 630)]),
+            lane("dvl", Purpose::Measurement, &[(Used, 66), (Gated, 630)]),
+            lane("imu", Purpose::Input, &[(Used, 206), (Doubted, 630)]),
+        ];
+        let useless = |about| reason(Criterion::Finding, Severity::DoNotUse, about);
+        let reasons = [useless("imu"), useless("dvl")];
+        let found = lines(&lanes, &reasons);
+        assert_eq!(
+            found[1..],
+            [
+                "- **imu**: used with doubt for 424 s, from 206 s on",
+                "- **depth**: refused because of imu: gated 256–630 s",
+                "- **dvl**: refused because of imu: gated 66–630 s",
+            ]
+        );
+        lanes[1].found = Some((Severity::DoNotUse, Basis::Samples));
+        assert!(lines(&lanes, &reasons)[2].starts_with("- **dvl**: fault 66–630 s"));
+        // a sensor that is refused while another one is at fault, and that nothing names
+        let lanes = [
+            lane("dvl", Purpose::Measurement, &[(Used, 260), (Gated, 270), (Used, 630)]),
+            lane("gnss", Purpose::Measurement, &[(Used, 250), (Gated, 280), (Used, 630)]),
+            lane("depth", Purpose::Measurement, &[(Used, 400), (Gated, 410), (Used, 630)]),
+        ];
+        let found = lines(&lanes, &[reason(Criterion::Finding, Severity::Contained, "gnss")]);
+        assert_eq!(
+            found[1..],
+            [
+                "- **gnss**: fault 250–280 s (gated 250–280 s)",
+                "- **dvl**: refused because of gnss: gated 260–270 s",
+                "- **depth**: fault 400–410 s (gated 400–410 s)",
+            ]
+        );
+    }
+
+    /// A note about a stated noise accuses nobody; a doubt about the whole run has no times.
+    #[test]
+    fn a_sensor_is_bad_where_a_reason_doubts_it_and_silence_is_no_fault() {
+        let lanes =
+            [lane("gnss", Purpose::Measurement, &[(Health::Silent, 9), (Health::Used, 630)])];
+        let silent = "Silent, which is no fault by itself: **gnss** 0–9 s.";
+        let note = lines(&lanes, &[reason(Criterion::Nis, Severity::Note, "gnss")]);
+        assert!(note[0].contains("None was gated"), "{note:?}");
+        assert_eq!(note[1..], [silent]);
+        let doubt = lines(&lanes, &[reason(Criterion::Drift, Severity::Doubtful, "gnss")]);
+        assert_eq!(doubt[1..], ["- **gnss**, over the run (see the verdict)", silent]);
+    }
+
+    #[test]
+    fn a_sensor_is_bad_in_turns_where_the_gate_rejects_more_there_than_elsewhere() {
+        let turns = |in_turns: [u64; 2]| {
+            let stretches = [(Health::Used, 10), (Health::Gated, 16), (Health::Used, 630)];
+            let mut lane = lane("dvl", Purpose::Measurement, &stretches);
+            (lane.outcomes.accepted, lane.outcomes.gated) = (900, 100);
+            lane.in_turns = in_turns;
+            lines(&[lane], &[]).pop().is_some_and(|line| line.contains("mostly in turns"))
+        };
+        // a fifth of all samples are in turns, and with them 90 or 20 of the 100 gated ones
+        assert!(turns([200, 90]) && !turns([200, 20]));
+        // a vehicle that turns all the time says nothing about turns
+        assert!(!turns([950, 95]));
+    }
+}

@@ -1,0 +1,210 @@
+//! The errors of all states against their sigma: the answer whether the sigma is to be believed, and a
+//! table of the states.
+
+use crate::axis::{self, short};
+use crate::run::Run;
+use crate::state::BlockSeries;
+use navfuse_core::model::record::answers::Truth;
+use navfuse_core::model::record::verdict::Verdict;
+use navfuse_core::model::sensor::Accuracy;
+use navfuse_core::units::time::Time;
+use std::fmt::Write;
+
+/// Number of states in the table beside those of the position.
+const STATES: usize = 5;
+/// Number of states that the answer names.
+const NAMED: usize = 3;
+/// Share of epochs outside 3 sigma up to which an error agrees with its sigma; a correlated error
+/// of the right size is outside for 0.3 % of the time on the average, and for more in some runs.
+const OUTSIDE: f64 = 0.03;
+/// Share of states that leave 3 sigma for more than [`OUTSIDE`] of the time by chance, at most. An error
+/// with `n` independent stretches does so if one of 33 or fewer is outside: `33 * 0.0027`.
+const BY_CHANCE: f64 = 0.09;
+/// Size of an error, in sigma, that chance does not make in a hundred states with a hundred
+/// independent stretches each: `1e4 * 5.7e-7`.
+const NEVER: f64 = 5.0;
+
+/// The errors of all components whose truth is known, or the differences from a recorded reference in
+/// sigmas of estimate and reference together.
+pub struct Errors {
+    /// Set where the truth is known: a recorded reference has errors of its own.
+    simulated: bool,
+    /// 1-sigma of a recorded reference.
+    reference: Option<Accuracy>,
+    /// Block and component with the largest error in sigma and its time, the largest first.
+    largest: Vec<(usize, usize, (f64, Time))>,
+    /// The components that were outside 3 sigma for longer than [`OUTSIDE`] of the time.
+    wrong: Vec<(usize, usize)>,
+}
+
+impl Errors {
+    /// The errors of some blocks.
+    pub fn of(blocks: &[BlockSeries], simulated: bool, reference: Option<Accuracy>) -> Self {
+        let all = || {
+            let components = blocks.iter().enumerate();
+            components.flat_map(|(b, block)| (0..block.components.len()).map(move |k| (b, k)))
+        };
+        let tally = |b: usize, k: usize| &blocks[b].components[k].tally;
+        let mut largest: Vec<_> =
+            all().filter_map(|(b, k)| Some((b, k, tally(b, k).worst?))).collect();
+        largest.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
+        let share = |(b, k, _): &&(usize, usize, (f64, Time))| {
+            let tally = tally(*b, *k);
+            tally.outside as f64 / tally.compared.max(1) as f64 > OUTSIDE
+        };
+        let wrong = largest.iter().filter(share).map(|(b, k, _)| (*b, *k)).collect();
+        Self { simulated, reference, largest, wrong }
+    }
+
+    /// Returns `true` where the errors contradict the sigma: one is larger than chance makes it, or
+    /// more states leave their sigma than chance lets, by three standard deviations.
+    pub fn contradict(&self) -> bool {
+        let wrong = self.wrong.len();
+        let expected = BY_CHANCE * self.largest.len() as f64;
+        let most = expected + 3.0 * (expected * (1.0 - BY_CHANCE)).sqrt();
+        let far = self.largest.first().is_some_and(|largest| largest.2.0 > NEVER);
+        self.simulated && wrong > 0 && (far || wrong as f64 > most)
+    }
+
+    /// Writes the answer.
+    pub fn answer(&self, page: &mut String, verdict: Option<&Verdict>, blocks: &[BlockSeries]) {
+        page.push_str("\n**Is the sigma to be believed?** ");
+        // the verdict and the errors are one judgement: either may contradict the sigma
+        let answers = verdict.map(Verdict::answers);
+        let because = answers.as_ref().map_or("", |answers| answers.sigma_because.as_str());
+        let by =
+            if self.simulated && !self.largest.is_empty() { "" } else { ", by the innovations" };
+        let answer = match answers.as_ref().map_or(Truth::True, |answers| answers.sigma) {
+            _ if self.contradict() => "No".to_owned(),
+            Truth::True if because.is_empty() => format!("Yes{by}"),
+            Truth::True => format!("Yes, {because}{by}"),
+            Truth::TooLarge => {
+                "Yes, on the safe side: innovations are smaller than stated".to_owned()
+            }
+            Truth::TooSmall if because.is_empty() => "No".to_owned(),
+            Truth::TooSmall => format!("No, {because}"),
+        };
+        let (wrong, all, share) = (self.wrong.len(), self.largest.len(), 100.0 * OUTSIDE);
+        let chance = if wrong > 0 && !self.contradict() { ", as chance makes them" } else { "" };
+        let _ = match (all, self.simulated) {
+            (0, _) => writeln!(page, "{answer}. There is no truth."),
+            (_, true) => writeln!(
+                page,
+                "{answer}: {wrong} of {all} states were outside 3 sigma for more than {share:.0} % of \
+                 the time{chance}."
+            ),
+            (_, false) => writeln!(page, "{answer}. {}", self.beside(blocks)),
+        };
+    }
+
+    /// The differences from a recorded reference in words: whether its own error explains them.
+    fn beside(&self, blocks: &[BlockSeries]) -> String {
+        let Accuracy { position, velocity, attitude } = self.reference.unwrap_or_default();
+        let accuracy =
+            format!("{position} m, {velocity} m/s and {} deg", short(attitude.to_degrees()));
+        if self.wrong.is_empty() {
+            return format!(
+                "The reference's own error ({accuracy}) explains what it differs by, in all {} states.",
+                self.largest.len()
+            );
+        }
+        let named = self.wrong.iter().take(NAMED).map(|(b, k)| blocks[*b].full_name(*k));
+        let more = match self.wrong.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        format!(
+            "{} of {} states differ from the reference by more than 3 sigma of both for over {:.0} % of \
+             the time: the reference's own error ({accuracy}) does not explain {}{more}.",
+            self.wrong.len(),
+            self.largest.len(),
+            100.0 * OUTSIDE,
+            named.collect::<Vec<_>>().join(", ")
+        )
+    }
+}
+
+/// The table of the states: the position always, and those with the largest errors; without a truth
+/// those that converged least.
+pub fn states(run: &Run) -> String {
+    let blocks = &run.blocks;
+    let errors = Errors::of(blocks, run.simulated, run.reference);
+    let mut shown: Vec<(usize, usize)> = Vec::new();
+    for (b, block) in blocks.iter().enumerate().filter(|(_, block)| block.is_position) {
+        shown.extend((0..block.components.len()).map(|k| (b, k)));
+    }
+    let known = !errors.largest.is_empty();
+    let mut others: Vec<(usize, usize)> = if known {
+        errors.largest.iter().map(|(b, k, _)| (*b, *k)).collect()
+    } else {
+        let share = |(b, k): &(usize, usize)| blocks[*b].components[*k].tally.converged();
+        let mut all: Vec<_> = (0..blocks.len())
+            .flat_map(|b| (0..blocks[b].components.len()).map(move |k| (b, k)))
+            .filter(|place| share(place).is_some())
+            .collect();
+        all.sort_by(|x, y| share(y).unwrap_or(0.0).total_cmp(&share(x).unwrap_or(0.0)));
+        all
+    };
+    others.retain(|place| !shown.contains(place));
+    shown.extend(others.into_iter().take(STATES));
+    let [error, largest] = match run.simulated {
+        true => ["error ± 1 sigma, end", "largest, sigmas"],
+        false => ["minus reference ± 1 sigma", "largest, sigmas of both"],
+    };
+    let mut page = match known {
+        true => format!("| state | {error} | {largest} | at |\n"),
+        false => "| state | 1 sigma, end | of the prior | |\n".to_owned(),
+    };
+    page.push_str("|---|--:|--:|--:|\n");
+    for (b, k) in shown {
+        let c = &blocks[b].components[k];
+        let scale = axis::scale(c.unit, c.tally.sigma);
+        let sigma = short(c.tally.sigma / scale.size);
+        let (name, unit) = (blocks[b].full_name(k), scale.unit);
+        let _ = match (c.tally.error, c.tally.worst) {
+            (Some(error), Some((size, at))) => {
+                let error = short(error / scale.size);
+                let mark = if size > NEVER { " **!**" } else { "" };
+                let at = at.seconds();
+                writeln!(
+                    page,
+                    "| {name} | {error} ± {sigma} {unit} | {size:.1}{mark} | {at:.0} s |"
+                )
+            }
+            _ => {
+                let share = c.tally.converged().map_or_else(String::new, |s| format!("{s:.2}"));
+                writeln!(page, "| {name} | {sigma} {unit} | {share} | |")
+            }
+        };
+    }
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
+        let largest = vec![(0, 0, (largest, Time::from_nanos(0))); states];
+        Errors { simulated, reference: None, largest, wrong: vec![(0, 0); wrong] }
+    }
+
+    /// A sigma that errors contradict is not true, although no innovation does. Of 49 states, 2
+    /// leave 3 sigma by chance; a recorded reference is no truth.
+    #[test]
+    fn the_verdict_and_the_errors_are_one_judgement_of_the_sigma() {
+        let verdict = Verdict::new(Vec::new(), Vec::new());
+        for (errors, contradict, answer) in [
+            (errors(true, 49, 3.2, 0), false, "Yes: 0 of 49"),
+            (errors(true, 49, 4.1, 2), false, "Yes: 2 of 49"),
+            (errors(true, 49, 5.1, 2), true, "No: 2 of 49"),
+            (errors(true, 49, 4.1, 11), true, "No: 11 of 49"),
+            (errors(false, 9, 2.0, 0), false, "Yes, by the innovations. The reference's own error"),
+        ] {
+            let mut page = String::new();
+            assert_eq!(errors.contradict(), contradict, "{answer}");
+            errors.answer(&mut page, Some(&verdict), &[]);
+            assert!(page.contains(&format!("believed?** {answer}")), "{page}");
+        }
+    }
+}
