@@ -24,8 +24,8 @@ const GATED: [u8; 3] = [255, 0, 200];
 const BAND: [u8; 3] = [0, 158, 115];
 const USED: [u8; 3] = [0, 158, 115];
 const MARK: [u8; 3] = [225, 228, 232];
-/// Parts of strips are drawn at 200 of 255 of their brightness.
-const ISOLATED: [u8; 3] = [125, 16, 47];
+/// The colours of gated and isolated in a strip, which is drawn at 200 of 255 of its brightness.
+const STRIP: [[u8; 3]; 2] = [[200, 0, 157], [125, 16, 47]];
 
 /// The names of views, and the colours that each shows.
 type Views = &'static [(&'static str, &'static [[u8; 3]])];
@@ -38,7 +38,7 @@ const PAGES: &[(&[&str], Views)] = &[
             ("From above; ", &[TRUTH, MARK]),
             ("Follows the vehicle; ", &[BEAM]),
             ("Verdict and reasons", &[]),
-            ("Health of the sensors", &[USED, GATED, ISOLATED]),
+            ("Health of the sensors", &[USED, STRIP[0], STRIP[1]]),
             ("States at the end", &[]),
         ],
     ),
