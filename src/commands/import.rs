@@ -6,9 +6,12 @@ use crate::output::progress::{INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
 use navfuse_core::input::text_of;
 use navfuse_core::plugin::Registry;
-use navfuse_import::{Answers, Imported, OdometryUse, StreamSurvey};
+use navfuse_import::{Answers, Heading, Imported, OdometryUse, StreamSurvey};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+
+/// 1-sigma of a heading that is given without one, deg.
+const HEADING: f64 = 5.0;
 
 /// Arguments of `import`.
 #[derive(Debug, Args)]
@@ -17,6 +20,7 @@ Examples:
   navfuse import imu.csv dvl.csv depth.csv reference.csv --out dive.toml
   navfuse import imu.csv dive-7.pd0 nav.nmea
   navfuse import imu.csv --position 34.246048,108.909664,380
+  navfuse import imu.csv pool.json --heading relative      no sensor shows north
   navfuse import dive/      a bag of ROS 2: its folder, or one of its files
 
 Files are recognised by their content: tables with a heading for each column (CSV), solutions of \
@@ -33,6 +37,10 @@ pub struct Import {
     /// Latitude and longitude (deg) and height (m) at the start, where no file gives them
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
     pub position: Option<String>,
+    /// Heading at the start (deg) and its 1-sigma, 5 deg by default, where no sensor shows it; with
+    /// `relative`, headings and the track count from the heading at the start
+    #[arg(long, value_name = "DEG[,SIGMA]|relative", allow_hyphen_values = true)]
+    pub heading: Option<String>,
     /// Use of an odometry in a bag: a sensor of the motion between its messages, or the reference
     /// [default: relative-pose where the files have GNSS or a reference, else reference]
     #[arg(long, value_name = "USE")]
@@ -57,11 +65,12 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     }
     let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let position = arguments.position.as_deref().map(position).transpose()?;
+    let heading = arguments.heading.as_deref().map(heading).transpose()?;
     let odometry = arguments.odometry.map(|usage| match usage {
         Odometry::RelativePose => OdometryUse::RelativePose,
         Odometry::Reference => OdometryUse::Reference,
     });
-    let answers = Answers { name, position, odometry };
+    let answers = Answers { name, position, heading, odometry };
     let stop = stop_on_signal();
     let imported = navfuse_import::import(registry, &arguments.files, &out, &answers, &stop)?;
     let Some(imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
@@ -90,6 +99,26 @@ fn position(text: &str) -> Result<[f64; 3]> {
         let message = "latitude, longitude (deg) and height (m) are needed, such as 54.5,10.2,0";
         CommandError::argument(format!("--position {text:?}"), message)
     })
+}
+
+/// A heading with its 1-sigma, or `relative`.
+fn heading(text: &str) -> Result<Heading> {
+    let mut numbers = text.split(',').map(|n| n.trim().parse::<f64>());
+    let known = match (numbers.next(), numbers.next(), numbers.next()) {
+        (Some(Ok(heading)), None, None) => Some((heading, HEADING)),
+        (Some(Ok(heading)), Some(Ok(sigma)), None) => Some((heading, sigma)),
+        _ => None,
+    };
+    let inside =
+        |(heading, sigma): &(f64, f64)| heading.abs() <= 360.0 && (0.01..=180.0).contains(sigma);
+    match known.filter(inside) {
+        Some((heading, sigma)) => Ok(Heading::Known(heading, sigma)),
+        None if text == "relative" => Ok(Heading::Relative),
+        None => {
+            let message = "a heading and its 1-sigma (deg) are needed, such as 75,3, or `relative`";
+            Err(CommandError::argument(format!("--heading {text:?}"), message))
+        }
+    }
 }
 
 fn print(imported: &Imported) {

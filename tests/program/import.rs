@@ -101,7 +101,7 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     let rows = "0.0,10.1,20.2,3.1\n0.2,60.3,90.4,3.2\n0.4,120.5,160.6,3.3\n";
     recording.write("local.csv", &format!("time,east,north,up\n{rows}"));
     recording.write("axes.csv", &format!("time,x,y,z\n{rows}"));
-    recording.write("beams.csv", "time,beam1,beam2,beam3,beam4\n0,1,2,3,4\n1,1,2,3,4\n");
+    recording.write("beams.csv", "time,beam1,beam2\n0,1,2\n1,1,2\n");
     recording.write("earth.csv", "time,vel_n_mps,vel_e_mps,vel_d_mps\n0,1,2,0\n1,1,2,0\n");
     for (files, words) in [
         (vec![path("numbers.csv")], "not headings"),
@@ -280,7 +280,7 @@ fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     let Some(drive) = data("drive", origin) else { return };
     let recording = Recording::new();
     let files = [drive.join("imu.csv"), solution.join("drive_0708.pos")];
-    let (_, text, printed) =
+    let (scenario, text, printed) =
         import(recording.folder(), &files.each_ref().map(|f| f.as_path()), &[]);
     // the clocks of both instruments differ by about 0.1 s
     let [offset, sigma] = clock(&printed, "gnss");
@@ -288,6 +288,20 @@ fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     assert!(text.contains("scale = \"gps\""), "{text}");
     let row = printed.lines().find(|l| l.trim_start().starts_with("gnss ")).expect("a row");
     assert!(row.contains("2197") && row.contains("4.0000 Hz"), "{row}");
+    // the clocks drift by 0.16 s in all
+    assert!(text.contains("random_walk = "), "{text}");
+    // the yaw of the IMU is 65.8 deg at the end by `scenarios/drive.toml`, with a sigma of 0.5 deg; that of the
+    // vehicle lies the mounting beside it
+    let output = navfuse(&["run", &scenario, "--no-output", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
+    assert_ne!(json["verdict"]["level"], "do_not_use", "{}", json["verdict"]);
+    let number = |state: &str, what: &str, k: usize| {
+        json["states"][state][what][k].as_f64().expect("a number")
+    };
+    let yaw = number("ins.attitude", "estimate", 2) + number("imu.mounting", "estimate", 2);
+    let sigma = number("ins.attitude", "sigma", 2).hypot(0.5);
+    println!("yaw of the IMU {yaw} deg, sigma {sigma} deg");
+    assert!((yaw - 65.8).abs() < 3.5 * sigma, "{yaw}");
 }
 
 #[test]

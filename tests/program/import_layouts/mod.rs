@@ -2,6 +2,7 @@
 //! without an answer, and the run stays within its sigma; or it names what is missing.
 
 mod dialects;
+mod dives;
 mod programs;
 
 use dialects::{Layout, Random};

@@ -39,6 +39,8 @@ pub struct Turn {
     pub angle: f64,
     /// Its 1-sigma, rad.
     pub sigma: f64,
+    /// Ratio of the sizes of the vectors, and the most that noise of one of them changes its logarithm.
+    pub size: [f64; 2],
 }
 
 /// What is wrong with the senses of an inertial unit.
@@ -192,12 +194,16 @@ impl Sums {
         let least = self.squares.iter().copied().fold(f64::INFINITY, f64::min);
         let moves = least > MANOEUVRE * MANOEUVRE * self.count as f64;
         let found = self.count >= LEAST && correlation > CORRELATED && moves && sigma < DETERMINED;
-        found.then(|| Turn { angle: im.atan2(re), sigma })
+        found.then(|| Turn {
+            angle: im.atan2(re),
+            sigma,
+            size: [(self.squares[0] / self.squares[1]).sqrt(), -correlation.ln()],
+        })
     }
 }
 
 /// The pairs of rows that are some time apart.
-fn pairs<const N: usize>(rows: &[[f64; N]]) -> impl Iterator<Item = [&[f64; N]; 2]> {
+pub fn pairs<const N: usize>(rows: &[[f64; N]]) -> impl Iterator<Item = [&[f64; N]; 2]> {
     let mut end = 0;
     let mut begin = 0;
     std::iter::from_fn(move || {
@@ -312,23 +318,6 @@ pub fn of_log(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> Option<Turn
     sums.turn()
 }
 
-/// The correlation of the third velocity of a log with the rate of a depth, whose rows have time and
-/// depth: near -1 for a log whose third axis points up.
-pub fn sinks(log: &[[f64; 4]], depth: &[[f64; 2]]) -> Option<f64> {
-    let (mut count, mut sums) = (0, [0.0; 3]);
-    for [a, b] in pairs(depth) {
-        let from = log.partition_point(|row| row[0] < a[0]);
-        let to = log.partition_point(|row| row[0] <= b[0]);
-        let Some(rows) = log.get(from..to).filter(|rows| !rows.is_empty()) else { continue };
-        let mean = rows.iter().map(|row| row[3]).sum::<f64>() / rows.len() as f64;
-        let rate = (b[1] - a[1]) / (b[0] - a[0]);
-        count += 1;
-        sums = [sums[0] + mean * rate, sums[1] + mean * mean, sums[2] + rate * rate];
-    }
-    let [product, own, other] = sums;
-    (count >= LEAST && own > 0.0 && other > 0.0).then(|| product / (own * other).sqrt())
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -437,20 +426,6 @@ mod tests {
             let error = (turn.angle - angle + PI).rem_euclid(TAU) - PI;
             assert!(error.abs() < 4.0 * turn.sigma + 0.02, "{angle}: {turn:?}");
         }
-    }
-
-    #[test]
-    fn a_log_whose_third_axis_points_up_sinks_against_the_depth() {
-        let rate = |t: f64| 0.3 * (0.1 * t).sin();
-        let log = |sign: f64| -> Vec<[f64; 4]> {
-            let row = |k| 0.2 * f64::from(k);
-            (0..500).map(|k| [row(k), 1.0, 0.0, sign * rate(row(k))]).collect()
-        };
-        let depth: Vec<[f64; 2]> =
-            (0..90).map(f64::from).map(|t| [t, 20.0 - 3.0 * (0.1 * t).cos()]).collect();
-        assert!(sinks(&log(1.0), &depth).unwrap() > 0.99);
-        assert!(sinks(&log(-1.0), &depth).unwrap() < -0.99);
-        assert_eq!(sinks(&log(1.0), &depth[..5]), None);
     }
 
     #[test]

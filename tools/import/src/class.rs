@@ -106,15 +106,16 @@ impl FixClass {
     /// Smallest 1-sigma of north or east, m, of the height, m, and of a velocity, m/s. Data sheets of
     /// receivers state the root mean square of the horizontal distance: NovAtel OEM7 1.2 m, 0.4 m with
     /// corrections of a station, 1 cm with integers; 2^-1/2 of it is the share of an axis. SBG states
-    /// 20 cm for a float solution. Heights are half as good again; velocities 3 cm/s.
+    /// 20 cm for a float solution. Heights are half as good again; velocities 3 cm/s. An antenna that moves
+    /// has twice the centimetre of integers, by its phase centre, its multipath and its clock.
     pub fn floor(self) -> [f64; 3] {
         let horizontal = match self {
             Self::Single => 0.8,
             Self::Differential => 0.3,
             Self::Float => 0.15,
-            Self::Fixed => 0.01,
+            Self::Fixed => 0.02,
         };
-        let vertical = if self == Self::Fixed { 0.02 } else { 1.5 * horizontal };
+        let vertical = if self == Self::Fixed { 0.04 } else { 1.5 * horizontal };
         [horizontal, vertical, 0.03]
     }
 

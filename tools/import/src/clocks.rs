@@ -42,6 +42,10 @@ const LEAPS: [f64; 5] = [17.0, 18.0, 27.0, 36.0, 37.0];
 /// the offset of Nepal is a quarter of an hour.
 const ZONE: f64 = 900.0;
 
+/// Offset, s, that matters, and the number of sigmas from which a drift is one.
+const MATTERS: f64 = 0.02;
+const CERTAIN: f64 = 3.0;
+
 /// The clock of a sensor, compared with that of the IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockOffset {
@@ -205,7 +209,7 @@ impl ClockOffset {
     /// Returns `true` if the offset is more than five times its uncertainty, and more than 20 ms.
     pub fn matters(&self) -> bool {
         let [offset, sigma] = self.offset;
-        offset.abs() > (5.0 * sigma).max(0.02)
+        offset.abs() > (5.0 * sigma).max(MATTERS)
     }
 
     /// The shift of the stamps that corrects the offset: the difference of two time scales or zones
@@ -220,6 +224,26 @@ impl ClockOffset {
         -steps.into_iter().find(near).unwrap_or(offset)
     }
 
+    /// The key of the calibration state that follows the rest of the offset over a recording of so many
+    /// seconds, if its stamps were `shifted`, or if its drift matters. A drift `d` moves the offset by `d T / 2`
+    /// from the middle of a recording of the length `T` to its ends, and by `d T` in all, as a random walk of
+    /// `d sqrt(T)` does.
+    pub fn state(&self, span: f64, shifted: bool) -> Option<String> {
+        let drift = self.drift.filter(|[d, s]| d.abs() > CERTAIN * s).map_or(0.0, |[d, _]| d.abs());
+        let end = 0.5 * drift * span;
+        if !shifted && end < MATTERS {
+            return None;
+        }
+        let sigma = (2.0 * self.offset[1].hypot(end)).max(0.005);
+        Some(match end < MATTERS {
+            true => format!("time_offset = {{ sigma = \"{sigma:.3} s\" }}"),
+            false => format!(
+                "time_offset = {{ sigma = \"{sigma:.3} s\", random_walk = \"{:.2} ms/sqrt(s)\" }}",
+                1e3 * drift * span.sqrt()
+            ),
+        })
+    }
+
     /// Describes the clock in words.
     pub fn describe(&self) -> String {
         let [offset, sigma] = self.offset;
@@ -228,7 +252,7 @@ impl ClockOffset {
             "its clock is {:.3} s {side} the clock of the IMU, sigma {sigma:.3} s",
             offset.abs()
         );
-        if let Some([drift, sigma]) = self.drift.filter(|[d, s]| d.abs() > 3.0 * s) {
+        if let Some([drift, sigma]) = self.drift.filter(|[d, s]| d.abs() > CERTAIN * s) {
             let [drift, sigma] = [drift, sigma].map(|x| x * 1e6);
             text.push_str(&format!(", with a drift of {drift:.0} ppm, sigma {sigma:.0} ppm"));
         }

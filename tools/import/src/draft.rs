@@ -1,59 +1,27 @@
 //! The text of the scenario.
 
 mod grade;
+mod priors;
+mod sources;
 mod start;
+mod text;
 
 use crate::Answers;
-use crate::recording::{Part, Reader, Recording};
-use crate::rotation;
+use crate::recording::{Part, Recording};
 use crate::stream::StreamSurvey;
 use navfuse_core::document::quoted;
-use navfuse_core::units::calendar::Calendar;
-use navfuse_vehicle_logs::Format;
+use sources::sources;
+use start::{SLOWEST, rests};
 use std::fmt::Write;
-
-/// The mark of a line whose value the files do not give.
-pub const MARK: &str = "# ANSWER:";
+pub use text::{AS_ANSWERED, MARK};
+use text::{Text, round};
 
 /// Longest gap of the IMU that is bridged without a question, s.
 const LONGEST_BRIDGED: f64 = 0.5;
-/// Speed, m/s, from which a course is a heading, and below which the alignment must be told.
-const SLOWEST: f64 = 0.7;
+/// Speed, m/s, below which an alignment by the course must be told.
 const SLOW: f64 = 4.0;
-/// Velocity of a log, m/s, from which a vehicle moves.
-const SWIMS: f64 = 0.05;
 /// Recording, s, that is too short for the usual alignment by the course.
 const SHORT: f64 = 25.0;
-
-/// The text while it is written, and its questions.
-#[derive(Default)]
-struct Text {
-    text: String,
-    questions: Vec<String>,
-    /// Set if the heading at the start is too uncertain for one linearisation.
-    wide: bool,
-}
-
-impl Text {
-    fn line(&mut self, line: &str) {
-        self.text.push_str(line);
-        self.text.push('\n');
-    }
-
-    /// A line whose value the files do not give.
-    fn ask(&mut self, line: &str, question: &str) {
-        self.line(&format!("{line:<44} {MARK} {question}"));
-        let mut tables = self.text.lines().filter(|l| l.starts_with('['));
-        let table = tables.next_back().unwrap_or_default().trim_matches(['[', ']']).to_owned();
-        let key = line.split(" =").next().unwrap_or_default();
-        self.questions.push(format!("{table}: {key}: {question}"));
-    }
-}
-
-/// Removes what would end a comment.
-fn comment(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
-}
 
 /// The scenario of a recording, with what its samples show, and the questions in it.
 pub fn scenario(
@@ -129,19 +97,29 @@ fn process<'a>(
         out.ask("position = { sigma = \"1 m\" }", "1-sigma of the reference");
     } else if gnss.is_some() {
         course(out, stream("gnss"), imu);
+        let late = stream("gnss").zip(imu).filter(|(gnss, imu)| {
+            gnss.samples > 0 && gnss.span[0].since(imu.span[0]) > start::LATE
+        });
+        out.begin = late.map(|(gnss, _)| gnss.span[0].seconds().ceil());
     } else {
-        start::align(out, recording, stream);
+        start::align(out, recording, stream, answers.heading);
         position(out, recording, stream("gnss"), answers);
     }
-    // a bias of some times the noise of one hour; only gyros with less find north at rest
-    let [gyro, _] = imu.map_or([0.3, 100.0], StreamSurvey::densities);
-    let aligned = reference.is_none() && gnss.is_none();
-    let bias = round(if aligned { 0.1 * gyro } else { 3.0 * gyro });
-    out.ask(&format!("gyro_bias = {{ sigma = \"{bias} deg/h\" }}"), "bias of the data sheet");
-    out.ask("accel_bias = { sigma = \"1 mg\" }", "bias of the data sheet");
-    if out.wide {
+    let place = answers.position.or_else(|| {
+        let first = |s: &StreamSurvey| {
+            Some([s.first.get(0)?.to_degrees(), 0.0, s.first.get(2).unwrap_or(0.0)])
+        };
+        stream("gnss").or_else(|| stream("reference")).and_then(first)
+    });
+    priors::biases(out, imu, answers.heading, place);
+    if out.wide || out.begin.is_some() {
         out.line("");
         out.line("[estimator]");
+    }
+    if let Some(begin) = out.begin {
+        out.line(&format!("start = \"{begin} s\"    # the first sample of what corrects it"));
+    }
+    if out.wide {
         out.line("relinearise = \"60 s\"    # a wide heading at the start");
     }
 }
@@ -188,7 +166,8 @@ fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, 
         let [lat, lon] = [s.first.get(0)?, s.first.get(1)?].map(f64::to_degrees);
         Some([lat, lon, s.first.get(2).unwrap_or(0.0)])
     });
-    let known = answers.position.or(fix);
+    // an answer is for a recording without a position
+    let known = fix.or(answers.position);
     let [lat, lon, height] = known.unwrap_or([45.0, 0.0, 0.0]);
     let line = format!(
         "position = {{ latitude = \"{lat} deg\", longitude = \"{lon} deg\", height = \"{height} m\", \
@@ -198,28 +177,6 @@ fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, 
         Some(_) => out.line(&line),
         None => out.ask(&line, "position at the start; give it with --position"),
     }
-}
-
-/// Tests whether the vehicle rests by all of its sensors: one that moves evenly has a steady force.
-fn rests<'a>(stream: &impl Fn(&str) -> Option<&'a StreamSurvey>) -> bool {
-    let log = |s: &StreamSurvey| {
-        let first = s.channel("vel_x").unwrap_or(0);
-        let fast = |k: usize| s.mean[k].abs().max(s.wander[k]) > SWIMS;
-        s.samples > 0 && (first..first + 3).any(fast)
-    };
-    stream("imu").is_some_and(StreamSurvey::is_steady)
-        && !stream("dvl").is_some_and(log)
-        && stream("gnss").is_none_or(|s| s.fastest < SLOWEST)
-}
-
-/// A number with two digits that are significant.
-fn round(value: f64) -> f64 {
-    if value <= 0.0 || !value.is_finite() {
-        return 0.001;
-    }
-    let digit = 10_f64.powf(value.log10().floor() - 1.0);
-    let rounded = (value / digit).round() * digit;
-    format!("{rounded:.6}").parse().unwrap_or(rounded).max(1e-6)
 }
 
 fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
@@ -247,9 +204,9 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     if let Some(clock) = stream.and_then(|s| s.clock) {
         out.line(&format!("# {}", clock.describe()));
         let given = part.found.sensor.iter().any(|key| key.starts_with("time_offset"));
-        if part.samples.clock.is_some() && !given {
-            let sigma = (2.0 * clock.offset[1]).max(0.005);
-            out.line(&format!("time_offset = {{ sigma = \"{sigma:.3} s\" }}"));
+        let span = stream.map_or(0.0, StreamSurvey::length);
+        if let Some(line) = clock.state(span, part.samples.clock.is_some()).filter(|_| !given) {
+            out.line(&line);
         }
     }
     match part.name {
@@ -280,16 +237,30 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
         }
         "dvl" => {
             out.ask("noise = \"2 cm/s\"", "noise of the data sheet");
-            out.ask("scale = { sigma = \"0.5 %\" }", "accuracy of the data sheet");
-            mounting(out, part);
+            match &part.found.beams {
+                Some(beams) => sources::beams(out, beams, part.samples.aimed.as_ref()),
+                None => {
+                    out.ask("scale = { sigma = \"0.5 %\" }", "accuracy of the data sheet");
+                    mounting(out, part);
+                }
+            }
             lever_arm(out, part, "position from the IMU");
         }
         "depth" => out.ask("noise = \"10 cm\"", "noise of the data sheet"),
         "gnss" => {
-            out.ask("horizontal_noise = \"3 m\"", "noise of the data sheet");
-            out.ask("vertical_noise = \"5 m\"", "noise of the data sheet");
-            if part.found.velocity {
-                out.ask("velocity_noise = \"10 cm/s\"", "noise of the data sheet");
+            let reports = |name: &str| {
+                stream.is_some_and(|s| s.channel(name).is_some_and(|k| s.mean[k] > 0.0))
+            };
+            let noises = [
+                ("h_acc", "horizontal_noise = \"3 m\""),
+                ("v_acc", "vertical_noise = \"5 m\""),
+                ("s_acc", "velocity_noise = \"10 cm/s\""),
+            ];
+            for (accuracy, line) in noises.iter().take(2 + usize::from(part.found.velocity)) {
+                match reports(accuracy) {
+                    true => out.line(&format!("{line:<44} # the receiver reports its accuracy")),
+                    false => out.ask(line, "noise of the data sheet"),
+                }
             }
             accuracy(out, part, stream);
             lever_arm(out, part, "position of the antenna from the IMU");
@@ -352,119 +323,9 @@ fn lever_arm(out: &mut Text, part: &Part, question: &str) {
             out.line(&format!("lever_arm = [\"{x} m\", \"{y} m\", \"{z} m\"]  # of /tf_static"));
         }
         // an unknown one is a state of the filter, where the sensor can have it as one
-        None if ["dvl", "gnss"].contains(&part.found.kind) => {
+        None if ["dvl", "dvl-beams", "gnss"].contains(&part.found.kind) => {
             out.ask("lever_arm = { sigma = \"0.5 m\" }", question);
         }
         None => out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", question),
     }
-}
-
-/// The tables of the sources.
-fn sources(out: &mut Text, recording: &Recording) {
-    out.line("");
-    for part in recording.parts.iter().filter(|p| p.reader == Reader::Csv) {
-        out.line(&format!("[source.csv.files.{}]", part.name));
-        out.line(&format!("path = {}", path(part)));
-        if !part.then.is_empty() {
-            let then = part.then.iter().map(|(_, file)| quoted(&file.display().to_string()));
-            out.line(&format!("then = [{}]", then.collect::<Vec<_>>().join(", ")));
-        }
-        if let Some(turn) = &part.samples.rotation {
-            let [roll, pitch, yaw] =
-                rotation::degrees(turn).map(|a| (a * 100.0).round() / 100.0 + 0.0);
-            out.line(&format!("rotation = [\"{roll} deg\", \"{pitch} deg\", \"{yaw} deg\"]"));
-        }
-        table(out, &part.found.source);
-        if let Some((keys, file)) = &part.more {
-            out.line(&format!("[source.csv.more.{}]", part.name));
-            out.line(&format!("path = {}", quoted(&file.display().to_string())));
-            table(out, keys);
-        }
-        questions(out, part);
-    }
-    for part in &recording.parts {
-        if let Reader::Dvl(stamp) = part.reader {
-            out.line("[source.dvl-file]");
-            out.line(&format!("file = {}", path(part)));
-            part.found.source.iter().for_each(|key| out.line(key));
-            if let (Some(origin), Some(_)) = (recording.origin, stamp) {
-                let c = Calendar::of_unix_nanos(origin);
-                let line = format!(
-                    "time = {{ origin = \"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z\" }}",
-                    c.year, c.month, c.day, c.hour, c.minute, c.second
-                );
-                out.ask(&line, "date and time at which the clock of the IMU is zero");
-            }
-            questions(out, part);
-        }
-    }
-    vehicles(out, recording);
-    let bag = || recording.parts.iter().filter(|p| p.reader == Reader::Bag);
-    if let Some(first) = bag().next() {
-        out.line("[source.ros2]");
-        out.line(&format!("path = {}", path(first)));
-        for part in bag() {
-            out.line("");
-            out.line(&format!("[source.ros2.sensors.{}]", part.name));
-            part.found.source.iter().for_each(|key| out.line(key));
-            questions(out, part);
-        }
-    }
-    let nmea: Vec<&Part> = recording.parts.iter().filter(|p| p.reader == Reader::Nmea).collect();
-    if let Some(first) = nmea.first() {
-        out.line("[source.nmea]");
-        out.line(&format!("file = {}", path(first)));
-        for part in &nmea {
-            let key = if part.name == "compass" { "heading" } else { part.name };
-            out.line(&format!("{key} = \"{}\"", part.name));
-            part.found.source.iter().for_each(|key| out.line(key));
-            questions(out, part);
-        }
-    }
-}
-
-/// The keys of a table.
-fn table(out: &mut Text, keys: &[String]) {
-    keys.iter().for_each(|key| out.line(key));
-    out.line("disorder = \"skip\"");
-    out.line("nan = \"missing\"");
-}
-
-/// The tables of the logs of vehicles, one for each file.
-fn vehicles(out: &mut Text, recording: &Recording) {
-    let of =
-        |part: &Part, wanted: usize| matches!(part.reader, Reader::Vehicle(_, k) if k == wanted);
-    for k in 0.. {
-        let parts: Vec<&Part> = recording.parts.iter().filter(|p| of(p, k)).collect();
-        let Some(first) = parts.first() else { return };
-        let Reader::Vehicle(format, _) = first.reader else { return };
-        if k == 0 {
-            out.line("[source.vehicle-log]");
-        } else {
-            out.line(&format!("[source.vehicle-log-{}]", k + 1));
-            out.line("type = \"vehicle-log\"");
-        }
-        out.line(&format!("file = {}", path(first)));
-        out.line(&format!("format = \"{}\"", format.name()));
-        let timed = |part: &&Part| part.found.source.iter().any(|key| key.starts_with("interval"));
-        if format == Format::Vectornav && !parts.iter().any(timed) {
-            out.ask("interval = \"10 ms\"", "the messages have no time");
-        }
-        for part in &parts {
-            part.found.source.iter().for_each(|key| out.line(key));
-            questions(out, part);
-        }
-    }
-}
-
-fn path(part: &Part) -> String {
-    quoted(&part.file.display().to_string())
-}
-
-fn questions(out: &mut Text, part: &Part) {
-    for question in part.found.questions.iter().map(|question| comment(question)) {
-        out.line(&format!("{MARK} {question}"));
-        out.questions.push(format!("{}: {question}", part.name));
-    }
-    out.line("");
 }

@@ -1,5 +1,6 @@
 //! A sensor as it was found in a file.
 
+use crate::beams::Beams;
 use crate::class::FixClass;
 
 /// The place of a point in a key, from which positions of a table count, until an answer gives it.
@@ -20,6 +21,10 @@ pub struct Found {
     pub velocity: bool,
     /// First and last time of the rows of a table that were looked at, s.
     pub span: Option<[f64; 2]>,
+    /// The beams of a log whose velocities are along them.
+    pub beams: Option<Beams>,
+    /// Set if a sample of zeros is none.
+    pub zeros: bool,
     /// The best class of fixes that a receiver reports.
     pub class: Option<FixClass>,
 }

@@ -7,6 +7,7 @@
 
 mod axes;
 mod bag;
+mod beams;
 mod class;
 mod clocks;
 mod draft;
@@ -14,15 +15,18 @@ mod earth;
 mod folder;
 mod found;
 mod instrument;
+mod log_axes;
 mod marks;
 mod recording;
 mod rotation;
 mod samples;
 mod several;
 mod stream;
+mod sums;
 mod table;
 mod turns;
 mod vehicle;
+mod vertical;
 
 pub use axes::{Mounted, Sense, Turn};
 pub use clocks::ClockOffset;
@@ -53,6 +57,15 @@ pub enum ImportError {
     Document(#[from] DocumentError),
 }
 
+/// The heading at the start, as answered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Heading {
+    /// The heading and its 1-sigma, deg.
+    Known(f64, f64),
+    /// Nobody knows it: headings, velocities and the track count from the heading at the start.
+    Relative,
+}
+
 /// Answers that the files do not give.
 #[derive(Clone, Debug, Default)]
 pub struct Answers {
@@ -60,6 +73,8 @@ pub struct Answers {
     pub name: String,
     /// Latitude and longitude (deg) and height (m) at the start.
     pub position: Option<[f64; 3]>,
+    /// Heading at the start, for a recording that does not show it.
+    pub heading: Option<Heading>,
     /// Use of an odometry in a bag. Default: relative poses where the recording has GNSS or a
     /// reference, else the reference.
     pub odometry: Option<OdometryUse>,
@@ -128,7 +143,9 @@ pub fn import(
         let text = draft::scenario(&recording, streams.as_deref(), answers).0;
         let document = Document::parse(scenario.display().to_string(), text)?;
         let assembly = Scenario::new(registry, document, &[])?.assemble(None)?;
-        let Some(surveyed) = stream::survey(assembly, stop)? else { return Ok(None) };
+        let Some(surveyed) = stream::survey(assembly, recording.beams(), stop)? else {
+            return Ok(None);
+        };
         if !recording.learn(&surveyed) {
             break surveyed;
         }
@@ -138,6 +155,10 @@ pub fn import(
     recording.swims_along_its_axes()?;
     let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
+    if answers.heading.is_some() && !text.contains(draft::AS_ANSWERED) {
+        notes
+            .push("the answer of the heading is not used: the samples show the heading".to_owned());
+    }
     for stream in &streams {
         notes.extend(stream.clock.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
     }

@@ -1,6 +1,7 @@
 //! The files of a recording and the sensors in them.
 
 use crate::bag::{self, InBag};
+use crate::beams::Beams;
 use crate::folder;
 use crate::found::{Found, OdometryUse};
 use crate::instrument;
@@ -146,6 +147,10 @@ impl Recording {
             "name the fields of an unknown type in a scenario, such as \
              [source.ros2.sensors.imu] with topic = \"/fmu/out/sensor_combined\" and \
              channels.gyro_x = { field = \"gyro_rad[0]\" }"
+        } else if self.part("attitude").is_some() {
+            "the attitude of the vehicle's own system drives the filter beside a velocity, which no file has: \
+             record the rates and specific forces too (a Nucleus: NUCLEUS-IMU), or a valid bottom track, or \
+             give the file of a velocity log or of a receiver"
         } else {
             "give a table with the columns gyro_x_radps ... accel_z_mps2 or dtheta_x_rad ... \
              dvel_z_mps"
@@ -171,6 +176,11 @@ impl Recording {
         }
         self.sort();
         true
+    }
+
+    /// The beams of a log whose velocities are along them.
+    pub fn beams(&self) -> Option<&Beams> {
+        self.part("dvl").and_then(|part| part.found.beams.as_ref())
     }
 
     /// The sensor of a name.
@@ -306,6 +316,7 @@ impl Recording {
         }
         let name = match found.kind {
             "dual-antenna" => "compass",
+            "dvl-beams" => "dvl",
             "relative-pose" => "odometry",
             "attitude" => {
                 found.kind = "reference";
@@ -323,7 +334,7 @@ impl Recording {
             );
             return Err(StreamError::format(message).in_file(file));
         }
-        let file = absolute.to_owned();
+        let (file, zeros) = (absolute.to_owned(), found.zeros);
         self.parts.push(Part {
             name,
             found,
@@ -332,7 +343,7 @@ impl Recording {
             lever_arm,
             more: None,
             then: Vec::new(),
-            samples: Samples::default(),
+            samples: Samples { zeros, ..Samples::default() },
         });
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! What the samples of a recording show: axes, units, clocks and mountings, which the scenario corrects.
 
 use crate::axes::{self, Sense, Turn};
+use crate::beams::Aimed;
 use crate::recording::{Part, Reader, Recording};
 use crate::rotation::Rotation;
 use crate::stream::StreamSurvey;
@@ -14,13 +15,9 @@ const STILL: f64 = 0.005;
 /// Ratio of rates in deg/s to the changes of the attitude in rad/s: 57, or less by the noise of the
 /// changes.
 const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
-/// Yaw of a velocity log, rad, from which it is no error of the mounting: 3 deg.
-const MOUNTED: f64 = 0.052;
 /// Noise of rates, deg/h/sqrt(Hz), beyond any instrument: 1 deg/s/sqrt(Hz), ten times that of a phone on
 /// a rough road.
 const NOISY: f64 = 3600.0;
-/// Correlation of a velocity with the rate of the depth by which it is positive upwards.
-const UPWARDS: f64 = -0.6;
 /// Mean depth, m, from which it is a height.
 const ABOVE: f64 = -0.3;
 /// Time before which a clock is not that of Unix, s: ten years after 1970.
@@ -40,13 +37,19 @@ pub struct Samples {
     /// 1-sigma of the roll, pitch and yaw, rad, of axes that were guessed by the motion; zero for others.
     pub doubt: [f64; 3],
     /// Set if rates are in deg/s.
-    degrees: bool,
+    pub degrees: bool,
     /// Set if rates, and specific forces, are negative.
-    negative: [bool; 2],
+    pub negative: [bool; 2],
     /// Set if the second axis was turned, because the axes formed a left-handed set.
-    mirrored: bool,
+    pub mirrored: bool,
     /// Set if a depth counts upwards.
-    upwards: bool,
+    pub upwards: bool,
+    /// Set if a sample of zeros is none.
+    pub zeros: bool,
+    /// Number of beams whose velocities have the other sign.
+    pub beams: usize,
+    /// The beams of a log, as the motion shows them.
+    pub aimed: Option<Aimed>,
     /// Shift of the stamps, s.
     pub clock: Option<f64>,
     /// Yaw of a velocity log in the vehicle.
@@ -55,7 +58,7 @@ pub struct Samples {
 
 impl Samples {
     /// Turns the axes, after what has turned them already.
-    fn turn(&mut self, axes: [String; 3]) {
+    pub fn turn(&mut self, axes: [String; 3]) {
         self.axes = Some(match self.axes.take() {
             Some(before) => axes.map(|axis| axes::composed(&before, &axis)),
             None => axes,
@@ -77,8 +80,13 @@ impl Samples {
         let factor =
             (!factors.is_empty()).then(|| format!("factor = {{ {} }}", factors.join(", ")));
         let depth = self.upwards.then(|| "factor = { depth = -1 }".to_owned());
+        let beams =
+            (1..=self.beams).map(|k| format!("beam_{k} = -1")).collect::<Vec<_>>().join(", ");
+        let beams = (self.beams > 0).then(|| format!("factor = {{ {beams} }}"));
+        let zeros = self.zeros.then(|| "zeros = \"missing\"".to_owned());
         let clock = self.clock.map(|clock| format!("clock = \"{clock:.3} s\""));
-        let keys: Vec<String> = [axes, factor, depth, clock].into_iter().flatten().collect();
+        let keys: Vec<String> =
+            [axes, factor, depth, beams, zeros, clock].into_iter().flatten().collect();
         (!keys.is_empty()).then(|| format!("samples = {{ {} }}", keys.join(", ")))
     }
 }
@@ -105,6 +113,7 @@ impl Recording {
         // clocks and mountings are compared in the right axes, and axes on the right clock
         changed
             || self.turn_depth(streams)
+            || self.turn_beams(streams)
             || self.turn_log(streams)
             || self.exchange(streams)
             || self.reorder(streams)
@@ -149,7 +158,7 @@ impl Recording {
     /// Leaves out an IMU whose rates are noise beyond any instrument, where an attitude is known.
     fn leave_rates(&mut self, streams: &[StreamSurvey]) -> bool {
         let noisy =
-            find(streams, "imu").is_some_and(|imu| imu.samples > 0 && imu.densities()[0] > NOISY);
+            find(streams, "imu").is_some_and(|imu| imu.samples > 0 && imu.rate_scatter() > NOISY);
         let known = find(streams, "attitude").is_some_and(|own| own.samples > 0);
         if !noisy || !known || !self.drive_by_attitude() {
             return false;
@@ -396,20 +405,6 @@ impl Recording {
         ))
     }
 
-    /// Turns a velocity log whose third velocity is positive upwards, by the depth.
-    fn turn_log(&mut self, streams: &[StreamSurvey]) -> bool {
-        let up = find(streams, "dvl").and_then(|s| s.sinks).is_some_and(|sinks| sinks < UPWARDS);
-        let Some(part) = self.part_mut("dvl").filter(|p| up && p.samples.axes.is_none()) else {
-            return false;
-        };
-        part.samples.axes = Some(["x", "-y", "-z"].map(str::to_owned));
-        let text = "its third velocity is positive upwards, by the depth: forward, left, up is assumed, \
-                    and y and z are turned";
-        part.found.questions.push(text.to_owned());
-        self.notes.push(format!("dvl: {text}"));
-        true
-    }
-
     /// Turns a depth that is below zero on average, and no pressure at a height above the sea.
     fn turn_depth(&mut self, streams: &[StreamSurvey]) -> bool {
         let above = find(streams, "depth").is_some_and(|s| s.samples > 0 && s.mean[0] < ABOVE);
@@ -424,37 +419,6 @@ impl Recording {
         let text = "it is below zero on average, as a height is: its sign is turned";
         part.found.questions.push(text.to_owned());
         self.notes.push(format!("depth: {text}"));
-        true
-    }
-
-    /// Notes the mounting of a velocity log whose yaw is no error of a mounting.
-    fn mount(&mut self, streams: &[StreamSurvey]) -> bool {
-        let turn = find(streams, "dvl").and_then(|s| s.turn);
-        let large = |t: &Turn| t.angle.abs() > MOUNTED.max(5.0 * t.sigma);
-        let Some(turn) = turn.filter(large) else { return false };
-        if std::mem::replace(&mut self.mounted, true) {
-            return false;
-        }
-        let Some(part) = self.part_mut("dvl") else { return false };
-        let quarters = axes::quarters(turn).filter(|quarters| *quarters != 0);
-        let quarters = quarters.filter(|quarters| {
-            let rest = turn.angle - f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
-            rest.abs() < MOUNTED.max(3.0 * turn.sigma)
-        });
-        match quarters.and_then(|quarters| axes::named([0.0, 0.0, -1.0], quarters)) {
-            Some(relative) => {
-                part.samples.turn(relative);
-            }
-            None => part.samples.mounting = Some(turn),
-        }
-        let text = format!(
-            "its axes are rotated by {:.1} deg about down relative to the IMU, sigma {:.1} deg, according \
-             to the accelerations that both measure",
-            turn.angle.to_degrees(),
-            turn.sigma.to_degrees()
-        );
-        part.found.questions.push(text.clone());
-        self.notes.push(format!("dvl: {text}"));
         true
     }
 }

@@ -1,8 +1,11 @@
 //! What the samples of a sensor show.
 
 use crate::axes::{self, Mounted, Senses, Turn};
+use crate::beams::{Aimed, Beams, Row};
 use crate::clocks::{self, ClockOffset, Measured};
 use crate::earth;
+use crate::sums::Sums;
+use crate::vertical;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
@@ -51,8 +54,13 @@ pub struct StreamSurvey {
     /// Standard deviation of the noise of each channel: that of differences of successive samples,
     /// divided by the square root of two.
     pub noise: [f64; MAX_CHANNELS],
+    /// Standard deviation of the white noise of each channel: the least over blocks of several lengths.
+    pub white: [f64; MAX_CHANNELS],
     /// Scatter of the means of each channel over one second.
     pub wander: [f64; MAX_CHANNELS],
+    /// The least norm of the mean angular rate of an IMU over one second, rad/s: about that of the bias, where
+    /// the vehicle rests for a while.
+    pub quietest: Option<f64>,
     /// Largest speed over ground between positions some seconds apart, m/s.
     pub fastest: f64,
     /// The clock, compared with that of the IMU; `None` where the motion does not show it.
@@ -66,7 +74,9 @@ pub struct StreamSurvey {
     pub mirrored: [bool; 2],
     /// Set for a velocity log whose velocities are along north and east; `false` for east and north.
     pub earth: Option<bool>,
-    /// Correlation of the third velocity of a log with the rate of the depth.
+    /// The beams of a log whose velocities are along them.
+    pub aimed: Option<Aimed>,
+    /// Correlation of the third velocity of a log with the rate of the depth, where it is no chance.
     pub sinks: Option<f64>,
 }
 
@@ -85,6 +95,8 @@ enum Motion {
     Place(Measured, [usize; 2], Option<[f64; 3]>),
     /// Time and depth.
     Depth(Vec<[f64; 2]>),
+    /// Number of the beams, and the velocities along them.
+    Beams(usize, Vec<Row>),
 }
 
 impl Motion {
@@ -104,6 +116,8 @@ impl Motion {
             Self::Place(Measured::Ground(Vec::new()), [lat, lon], None)
         } else if at("depth") == Some(0) {
             Self::Depth(Vec::new())
+        } else if at("beam_3").is_some() {
+            Self::Beams(if at("beam_4").is_some() { 4 } else { 3 }, Vec::new())
         } else {
             Self::None
         }
@@ -137,6 +151,11 @@ impl Motion {
                 }
             }
             Self::Depth(rows) => rows.extend(sample.get(0).map(|depth| [time, depth])),
+            Self::Beams(count, rows) => {
+                let mut row = [0.0; 4];
+                let whole = (0..*count).all(|k| sample.get(k).map(|v| row[k] = v).is_some());
+                rows.extend(whole.then_some((time, row)));
+            }
             Self::Place(measured, [lat, lon], before) => {
                 let Some((lat, lon)) = sample.get(*lat).zip(sample.get(*lon)) else { return };
                 let [from, lat0, lon0] = *before.get_or_insert([time, lat, lon]);
@@ -157,45 +176,7 @@ impl Motion {
             | Self::Heading(measured, _)
             | Self::Course(measured, _)
             | Self::Place(measured, ..) => Some(measured),
-            Self::None | Self::Inertial(..) | Self::Depth(_) => None,
-        }
-    }
-}
-
-/// Sums over one channel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    count: f64,
-    mean: f64,
-    last: Option<f64>,
-    differences: f64,
-    squares: f64,
-    /// The block that is being summed: count and sum.
-    block: [f64; 2],
-    /// Welford sums of the means of the blocks: count, mean, squares.
-    blocks: [f64; 3],
-}
-
-impl Sums {
-    fn add(&mut self, value: f64) {
-        self.count += 1.0;
-        self.mean += (value - self.mean) / self.count;
-        if let Some(last) = self.last {
-            self.differences += 1.0;
-            self.squares += (value - last).powi(2);
-        }
-        self.last = Some(value);
-        self.block[0] += 1.0;
-        self.block[1] += value;
-    }
-
-    fn end_block(&mut self) {
-        let [count, sum] = std::mem::take(&mut self.block);
-        if count > 0.0 {
-            let (mean, [n, m, s]) = (sum / count, self.blocks);
-            let (n, change) = (n + 1.0, mean - m);
-            let m = m + change / n;
-            self.blocks = [n, m, s + change * (mean - m)];
+            Self::None | Self::Inertial(..) | Self::Depth(_) | Self::Beams(..) => None,
         }
     }
 }
@@ -223,6 +204,17 @@ impl Running {
             self.survey.fastest = self.survey.fastest.max(metres / seconds);
             self.place = Some((sample.time, [lat, lon]));
         }
+    }
+
+    /// Follows the mean angular rate of the block that ends.
+    fn rest(&mut self) {
+        let Motion::Inertial(_, [first, _], increments) = self.motion else { return };
+        let mean = |k: usize| self.sums[first + k].block_mean();
+        let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(mean) else { return };
+        let scale = if increments { 1.0 / self.survey.interval.max(1e-9) } else { 1.0 };
+        let norm = scale * x.hypot(y).hypot(z);
+        let quietest = &mut self.survey.quietest;
+        *quietest = Some(quietest.map_or(norm, |least| least.min(norm)));
     }
 
     fn take(&mut self, sample: &Sample) {
@@ -254,10 +246,11 @@ impl Running {
         }
         survey.samples += 1;
         if sample.time.seconds() >= self.block_end {
+            self.rest();
             self.sums.iter_mut().for_each(Sums::end_block);
             self.block_end = sample.time.seconds() + BLOCK;
         }
-        for (k, sums) in self.sums.iter_mut().enumerate().take(survey.channels.len()) {
+        for (k, sums) in self.sums.iter_mut().enumerate().take(self.survey.channels.len()) {
             if let Some(value) = sample.get(k) {
                 sums.add(value);
             }
@@ -283,8 +276,9 @@ impl Running {
         survey.interval = median(&self.intervals);
         for (k, s) in self.sums.iter().enumerate() {
             survey.mean[k] = s.mean;
-            survey.noise[k] = (0.5 * s.squares / s.differences.max(1.0)).sqrt();
-            survey.wander[k] = (s.blocks[2] / (s.blocks[0] - 1.0).max(1.0)).sqrt();
+            survey.noise[k] = s.noise();
+            survey.white[k] = s.white();
+            survey.wander[k] = s.wander();
         }
         self.survey
     }
@@ -311,8 +305,8 @@ impl StreamSurvey {
     }
 
     /// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes.
-    /// They are measured from sample to sample; of a steady IMU from second to second, where rounding
-    /// has averaged out.
+    /// They are the white noise of its samples; of a steady IMU from second to second, where rounding has
+    /// averaged out.
     pub fn densities(&self) -> [f64; 2] {
         let increments = self.channel("dvel_x").is_some();
         // a rate has the density s sqrt(dt), an increment over dt has s / sqrt(dt)
@@ -321,12 +315,19 @@ impl StreamSurvey {
         let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
         let steady = self.is_steady();
         let largest = |k: usize| {
-            let fast = most(&self.noise[k..k + 3]) * density;
+            let fast = most(&self.white[k..k + 3]) * density;
             // the mean over one second of a rate has the density itself as its deviation
             let slow = most(&self.wander[k..k + 3]) * if increments { 1.0 / dt } else { 1.0 };
             if steady { fast.min(slow) } else { fast }
         };
         [largest(0).to_degrees() * 3600.0, largest(3) / 9.80665e-6]
+    }
+
+    /// The largest noise of the rates of an IMU from sample to sample, with all vibration,
+    /// deg/h/sqrt(Hz).
+    pub fn rate_scatter(&self) -> f64 {
+        let density = self.interval.max(1e-9).sqrt().to_degrees() * 3600.0;
+        self.noise[..3].iter().copied().fold(0.0, f64::max) * density
     }
 
     /// Tests whether two sensors have some time in common.
@@ -346,12 +347,13 @@ impl StreamSurvey {
     }
 }
 
-/// Reads all samples of a scenario's sources; `None` if `stop` was set.
+/// Reads all samples of a scenario's sources, of which a log may have `beams`; `None` if `stop` was set.
 ///
 /// # Errors
 /// When a source cannot be read.
 pub fn survey(
     assembly: Assembly,
+    beams: Option<&Beams>,
     stop: &AtomicBool,
 ) -> Result<Option<Vec<StreamSurvey>>, StreamError> {
     let zero = Sample::empty(Time::MIN, SensorId(0));
@@ -365,6 +367,7 @@ pub fn survey(
                 mirrored: [false; 2],
                 earth: None,
                 sinks: None,
+                aimed: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
                 samples: 0,
@@ -376,7 +379,9 @@ pub fn survey(
                 channels: s.info.channels.iter().map(|c| Arc::clone(&c.name)).collect(),
                 mean: [0.0; MAX_CHANNELS],
                 noise: [0.0; MAX_CHANNELS],
+                white: [0.0; MAX_CHANNELS],
                 wander: [0.0; MAX_CHANNELS],
+                quietest: None,
             },
             sums: [Sums::default(); MAX_CHANNELS],
             intervals: Vec::new(),
@@ -400,7 +405,10 @@ pub fn survey(
             if let Some(converter) = composed.and_then(|s| s.conversion.as_ref()) {
                 converter.apply(&mut sample);
             }
-            one.take(&sample);
+            // a conversion may leave nothing of a sample
+            if sample.present() > 0 {
+                one.take(&sample);
+            }
             sensor = Some(sample.sensor.0);
             if one.survey.samples.is_multiple_of(4096) && stop.load(Ordering::Relaxed) {
                 return Ok(None);
@@ -410,12 +418,12 @@ pub fn survey(
             one.survey.warnings.extend(notes.into_iter().chain(source.warning()));
         }
     }
-    compare(&mut running);
+    compare(&mut running, beams);
     Ok(Some(running.into_iter().map(Running::finish).collect()))
 }
 
 /// Compares the clock and the axes of each sensor with those of the IMU.
-fn compare(running: &mut [Running]) {
+fn compare(running: &mut [Running], beams: Option<&Beams>) {
     let inertial = |one: &Running| match &one.motion {
         Motion::Inertial(inertial, ..) => Some(inertial.clone()),
         _ => None,
@@ -427,10 +435,14 @@ fn compare(running: &mut [Running]) {
         _ => None,
     });
     for one in running {
+        if let (Motion::Beams(_, rows), Some(beams)) = (&one.motion, beams) {
+            one.survey.sinks = depth.as_ref().and_then(|depth| beams.sinks(rows, depth));
+            one.survey.aimed = force.and_then(|force| beams.aim(rows, imu.as_they_are(), force));
+        }
         let Some(measured) = one.motion.measured() else { continue };
         one.survey.clock = clocks::compare(imu.as_they_are(), measured);
         if let (Measured::Velocity(log), Some(depth)) = (measured, &depth) {
-            one.survey.sinks = axes::sinks(log, depth);
+            one.survey.sinks = vertical::sinks(log, depth);
         }
         match (force, measured) {
             (Some(force), Measured::Ground(rows)) => {

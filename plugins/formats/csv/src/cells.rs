@@ -31,6 +31,8 @@ pub struct ChannelCell {
     plus: Option<usize>,
     /// Column of the northing of a position on a map.
     map: Option<(usize, Map)>,
+    /// Numbers that stand for no measurement.
+    missing: Vec<f64>,
     /// Pressure at the surface, Pa, and pascals of one metre of water, for a depth from a pressure.
     pressure: Option<[f64; 2]>,
 }
@@ -55,6 +57,9 @@ impl ChannelCell {
             text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
         };
         let number = |k: usize| parsed(cell(k));
+        if self.missing.contains(&number(0)) {
+            return None;
+        }
         if let Some((north, map)) = self.map {
             let [east, north] = [number(0), parsed(text(north))];
             return Some(match map {
@@ -238,6 +243,7 @@ pub fn channel_cells(
             course,
             plus,
             map,
+            missing: config.missing.clone(),
             pressure,
         };
         cells.push(cell);

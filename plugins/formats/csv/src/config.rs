@@ -72,6 +72,9 @@ pub struct FileConfig {
     pub rows: BTreeMap<String, String>,
     /// Column by which a row counts as valid, such as `{ column = "fix", least = 1 }`. Default: none.
     pub valid: Option<Valid>,
+    /// Numbers that stand for no measurement, as the cells have them, such as `[-32768, 99.999]`. A channel
+    /// with one of them is missing in that sample. Default: none.
+    pub missing: Vec<f64>,
     /// A row whose channels are those of the row before is no new sample, as where a program repeats
     /// the newest fix in each row. Default: false.
     pub changes_only: bool,
@@ -97,6 +100,7 @@ impl Default for FileConfig {
             decimal: Decimal::default(),
             rows: BTreeMap::new(),
             valid: None,
+            missing: Vec::new(),
             changes_only: false,
             disorder: Disorder::default(),
             nan: Nan::default(),

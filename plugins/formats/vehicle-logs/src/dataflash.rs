@@ -13,6 +13,8 @@ const MARK: [u8; 2] = [0xa3, 0x95];
 const FMT: (u8, usize) = (0x80, 89);
 /// Size in bytes of mark and type.
 const HEADER: usize = 3;
+/// Size in bytes that no message has.
+const LARGEST: usize = 256;
 /// Largest number of topics.
 const TOPICS: usize = 1024;
 
@@ -84,9 +86,11 @@ impl Layout {
             }
             at += bytes;
         }
-        if at > size || name.is_empty() {
+        if name.is_empty() || at >= LARGEST {
             return None;
         }
+        // some writers count a size that their own fields exceed: a message is never shorter than these
+        let size = size.max(at);
         let place = |name: &str| fields.iter().position(|f| f.name == name);
         let micros = place("TimeUS").map(|k| (k, 1e3));
         let time = micros.or_else(|| place("TimeMS").map(|k| (k, 1e6)));
@@ -103,7 +107,7 @@ struct Messages {
 }
 
 impl Framing for Messages {
-    const MAX: usize = 256;
+    const MAX: usize = LARGEST;
 
     fn find(&self, bytes: &[u8]) -> Option<usize> {
         bytes.iter().position(|b| *b == MARK[0])

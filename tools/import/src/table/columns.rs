@@ -32,6 +32,9 @@ const VALID: [(&str, f64); 10] = [
 const POSE: [&str; 9] = ["lat", "lon", "height", "roll", "pitch", "yaw", "vel_n", "vel_e", "vel_d"];
 /// Share of rows that repeat the row before from which a sensor is slower than its table.
 const REPEATED: f64 = 0.5;
+/// Least number of rows of zeros that are no velocity, and of others that are one.
+const ZEROS: usize = 3;
+const MOVES: usize = 10;
 /// A table with the meanings of its columns.
 pub struct Table<'a> {
     pub(super) layout: &'a Layout,
@@ -74,6 +77,35 @@ impl<'a> Table<'a> {
         let mut table = Self { layout, columns, questions };
         table.name_axes(name);
         table
+    }
+
+    /// The columns with measurements.
+    pub(super) fn measured(&self) -> Vec<usize> {
+        let clock = ["time", "date", "week"];
+        let known = self.columns.iter().filter(|(_, m)| !clock.contains(&m.channel));
+        let mut columns: Vec<usize> = known.map(|(k, _)| *k).chain(self.beams()).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        columns
+    }
+
+    /// The key of the numbers that stand for no measurement, and a question.
+    fn missing(&self) -> Option<(String, String)> {
+        let mut numbers: Vec<f64> = self.layout.missing.iter().map(|(_, n)| *n).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.dedup();
+        let list: Vec<String> = numbers.iter().map(|n| format!("{n:?}")).collect();
+        let list = list.join(", ");
+        let question = format!("{list}: far from all other numbers, it stands for no measurement");
+        (!list.is_empty()).then(|| (format!("missing = [{list}]"), question))
+    }
+
+    /// Tests whether some rows of a log hold zeros alone among velocities that are not.
+    fn has_zeros(&self) -> bool {
+        let rows = self.vector(BODY);
+        let zeros = rows.iter().filter(|v| **v == [0.0; 3]).count();
+        let moves = rows.iter().filter(|v| v.iter().all(|x| x.is_finite() && *x != 0.0)).count();
+        zeros >= ZEROS && moves > zeros.min(MOVES)
     }
 
     /// The headings, for a message.
@@ -130,6 +162,8 @@ impl<'a> Table<'a> {
         let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map();
         if self.has(&BODY) && !place {
             sensors.push(self.other("dvl", &BODY));
+        } else if !self.has(&BODY) {
+            sensors.extend(self.beams_log());
         }
         if self.has(&["depth"]) {
             sensors.push(self.other("depth", &["depth"]));
@@ -166,6 +200,14 @@ impl<'a> Table<'a> {
             found.source = source;
             found.span = span;
             found.source.extend(self.valid(found.kind));
+            if let Some((key, question)) = self.missing() {
+                found.source.push(key);
+                found.questions.push(question);
+            }
+            if found.kind == "dvl" && self.has_zeros() {
+                found.zeros = true;
+                found.questions.push("three zeros are taken for no measurement".to_owned());
+            }
             if inertial && found.kind != "imu" && self.repeats(found.kind) {
                 found.source.push("changes_only = true".to_owned());
             }

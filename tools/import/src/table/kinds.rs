@@ -1,8 +1,8 @@
 //! Files with rows of several kinds, each of which begins with its name: `IMU,0.01,...`, `GPS,0.2,...`.
 
-use super::columns::Table;
 use super::content;
 use super::layout::Layout;
+use super::measured::measured;
 use crate::found::Found;
 
 /// Least number of lines of such a file, and the share of lines that must begin with a word.
@@ -98,7 +98,7 @@ fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>) -> Vec<Found> {
         layout.rows.retain(|row| row.get(k) == Some(&first));
         layout.kind.push((k, first));
     }
-    Table::new(&layout, "", questions).sensors().unwrap_or_default()
+    measured(layout, "", questions).unwrap_or_default()
 }
 
 /// The sensors of a file with rows of several kinds: for each sensor the first kind that has it, or

@@ -1,7 +1,7 @@
 //! Files whose rows name their values: JSON, and lines such as `t=0.01 gx: 0.2`.
 
-use super::columns::Table;
 use super::layout::Layout;
+use super::measured::measured;
 use crate::found::Found;
 
 /// Number of records by which the values are named.
@@ -56,7 +56,7 @@ fn of(records: &[&Record], kind: Option<(&str, &str)>, name: &str) -> Result<Vec
     let place = kind
         .and_then(|(path, text)| Some((headings.iter().position(|h| h == path)?, text.to_owned())));
     let layout = Layout::labelled(headings, rows, place.into_iter().collect());
-    Table::new(&layout, name, Vec::new()).sensors()
+    measured(layout, name, Vec::new())
 }
 
 /// The sensors of a file whose rows name their values; `None` for another file.

@@ -1,5 +1,6 @@
 //! The layout of a table: its separator, the lines before its rows, its headings and its rows.
 
+use super::sentinel;
 use super::vocabulary::expression;
 use navfuse_core::document::quoted;
 use std::collections::HashMap;
@@ -47,6 +48,8 @@ pub struct Layout {
     before: usize,
     /// Cells of the first rows.
     pub rows: Vec<Vec<String>>,
+    /// Numbers that stand for no measurement, by the index of their columns.
+    pub missing: Vec<(usize, f64)>,
 }
 
 /// The text of a comment.
@@ -269,6 +272,17 @@ impl Layout {
             keys.push(format!("rows = {{ {} }}", cells.join(", ")));
         }
         keys
+    }
+
+    /// Empties the cells of columns whose numbers stand for no measurement.
+    pub fn leave_out(&mut self, columns: &[usize]) {
+        for k in columns {
+            for number in sentinel::of(&self.column(*k)) {
+                self.missing.push((*k, number));
+                let cells = self.rows.iter_mut().filter_map(|row| row.get_mut(*k));
+                cells.filter(|c| c.parse() == Ok(number)).for_each(String::clear);
+            }
+        }
     }
 
     /// The numbers of a column; NaN where a cell has none.

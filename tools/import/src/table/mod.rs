@@ -4,6 +4,7 @@
 //! table without headings, and [`units`] the units that the numbers show.
 
 mod alone;
+mod beams;
 mod clock;
 mod columns;
 mod content;
@@ -12,10 +13,12 @@ mod kinds;
 mod labelled;
 mod layout;
 mod map;
+mod measured;
 mod oxts;
 mod place;
 mod plain;
 mod rtklib;
+mod sentinel;
 mod units;
 mod unknown;
 mod vocabulary;
@@ -25,6 +28,7 @@ pub use clock::GUESSED;
 use columns::Table;
 pub use content::BY_CONTENT;
 use layout::Layout;
+use measured::measured;
 pub use oxts::oxts;
 
 /// The sensors of a table, by the beginning of its file and the name of the file.
@@ -63,9 +67,9 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
         };
         layout.headings = headings;
         layout.given = true;
-        return Table::new(&layout, name, vec![question]).sensors();
+        return measured(layout, name, vec![question]);
     }
-    Table::new(&layout, name, Vec::new()).sensors().or_else(|why| by_content(&layout).ok_or(why))
+    measured(layout.clone(), name, Vec::new()).or_else(|why| by_content(&layout).ok_or(why))
 }
 
 /// The inertial unit of a table whose headings mean nothing, by the content of its columns.

@@ -1,12 +1,7 @@
 //! The reason why a table has no sensor, with a remedy.
 
 use super::columns::Table;
-use super::vocabulary::{self, words};
-
-/// Words of the velocities along the beams of a log, with the number of the beam.
-const BEAMS: [&str; 4] = ["beam", "beams", "b", "radial"];
-/// Least number of beams.
-const LEAST: usize = 3;
+use super::vocabulary;
 
 impl Table<'_> {
     /// The reason why no sensor is recognised.
@@ -19,11 +14,10 @@ impl Table<'_> {
                  longitude (cs2cs of PROJ converts them)"
             );
         }
-        if self.beams() >= LEAST {
+        if self.beams().len() > 1 {
             return format!(
-                "its velocities are along the beams of a velocity log ({list}), whose angles no column \
-                 has: write the velocities along its own axes (vel_x_mps, vel_y_mps, vel_z_mps), or a \
-                 scenario with a sensor of type dvl-beams and its beam_angle"
+                "its velocities are along the beams of a velocity log ({list}), of which three or four give \
+                 a velocity: write a scenario with a sensor of type dvl-beams and its beams"
             );
         }
         let axes = |h: &String| vocabulary::axis(h).is_some();
@@ -37,16 +31,5 @@ impl Table<'_> {
             "no sensor is recognised by its columns {list}; rename them, such as gyro_x_radps, or map \
              them with `columns` in a scenario"
         )
-    }
-
-    /// Number of columns with the velocity along a beam.
-    fn beams(&self) -> usize {
-        let numbered = |heading: &String| {
-            let text = words(heading.split(['[', '(']).next().unwrap_or_default()).concat();
-            let digits = |c: char| c.is_ascii_digit();
-            let number = text.contains(['1', '2', '3', '4', '0']);
-            number && BEAMS.iter().any(|b| text.split(digits).any(|part| part == *b))
-        };
-        self.layout.headings.iter().filter(|h| numbered(h)).count()
     }
 }

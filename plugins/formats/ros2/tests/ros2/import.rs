@@ -16,7 +16,7 @@ fn imported(bag: &Path) -> Result<Imported, String> {
 fn imported_with(bag: &Path, odometry: Option<OdometryUse>) -> Result<Imported, String> {
     let scenario = bag.with_file_name("imported.toml");
     let position = Some([54.0, 10.0, 0.0]);
-    let answers = Answers { name: "bag".into(), position, odometry };
+    let answers = Answers { name: "bag".into(), position, odometry, ..Answers::default() };
     let stop = AtomicBool::new(false);
     let found = import(&registry(), &[bag.to_owned()], &scenario, &answers, &stop);
     found.map(|found| found.expect("nothing stops it")).map_err(|e| e.to_string())

@@ -159,6 +159,12 @@ fn dataflash_has_units_in_its_letters_and_instances_in_its_messages() {
     near(&gnss[0], &[lat, lon, 450.25, 0.0, 5.0, -0.1], SINGLE);
     // 50 000 Pa of sea water
     near(&depth[0], &[50_000.0 / (1025.0 * 9.806_65)], SINGLE);
+    // a writer that counts four bytes too few for the second format, of 89 bytes as each
+    let mut short = dataflash(2);
+    short[89 + 4] -= 4;
+    let again = read(&short, keys).unwrap().samples;
+    assert_eq!(again[2].len(), 10);
+    assert_eq!(again[2][0].time, gnss[0].time);
 }
 
 #[test]

@@ -107,6 +107,8 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "anglerate",
             "bodyrate",
             "omega",
+            "as",
+            "angularspeed",
             "rate",
             "rates",
             "w",

@@ -1,0 +1,68 @@
+//! The biases of an IMU, by its noise and by what the samples show.
+
+use super::text::{Text, round};
+use crate::Heading;
+use crate::stream::StreamSurvey;
+
+/// Noise of gyros, deg/h/sqrt(Hz), from which their bias may be far larger than it: those of MEMS.
+const MEMS: f64 = 7.3;
+/// Rate of the Earth, deg/h: the error of the rates of gyros where nobody knows which way north is.
+const EARTH_RATE: f64 = 15.0;
+/// Usual bias of an accelerometer, mg.
+const ACCEL: f64 = 1.0;
+/// Gravity on the Earth, m/s^2, at the equator with 5 km of height and at a pole.
+const GRAVITY: [f64; 2] = [9.765, 9.833];
+const MG: f64 = 9.80665e-3;
+
+/// Writes the priors of the biases; `place` is latitude (deg), longitude and height (m), if they are known.
+pub(super) fn biases(
+    out: &mut Text,
+    imu: Option<&StreamSurvey>,
+    heading: Option<Heading>,
+    place: Option<[f64; 3]>,
+) {
+    let [noise, _] = imu.map_or([0.3, 100.0], StreamSurvey::densities);
+    // a bias of some times the noise of one hour; only gyros with less find north at rest
+    let usual = if out.aligned_at_rest { 0.1 * noise } else { 3.0 * noise };
+    let rest = imu.and_then(|imu| imu.quietest).filter(|_| noise > MEMS && !out.aligned_at_rest);
+    let shown = usual.max(rest.map_or(0.0, |rate| rate.to_degrees() * 3600.0));
+    let gyro = match heading {
+        Some(Heading::Relative) => round(shown.hypot(EARTH_RATE)),
+        _ => round(shown),
+    };
+    out.ask(&format!("gyro_bias = {{ sigma = \"{gyro} deg/h\" }}"), "bias of the data sheet");
+    let accel = round(1.5 * imu.map_or(0.0, |imu| excess(imu, place)) / MG).max(ACCEL);
+    out.ask(&format!("accel_bias = {{ sigma = \"{accel} mg\" }}"), "bias of the data sheet");
+}
+
+/// Size by which the mean specific force differs from gravity, m/s^2: that of a bias, or less.
+fn excess(imu: &StreamSurvey, place: Option<[f64; 3]>) -> f64 {
+    let first =
+        imu.channel("accel_x").or_else(|| imu.channel("dvel_x")).filter(|_| imu.samples > 0);
+    let Some(k) = first else { return 0.0 };
+    let scale = if imu.channel("dvel_x").is_some() { 1.0 / imu.interval.max(1e-9) } else { 1.0 };
+    let norm = scale * imu.mean[k].hypot(imu.mean[k + 1]).hypot(imu.mean[k + 2]);
+    let [least, most] = place.map_or(GRAVITY, |[lat, _, height]| [normal(lat, height); 2]);
+    if norm.is_finite() { (least - norm).max(norm - most).max(0.0) } else { 0.0 }
+}
+
+/// Normal gravity of WGS-84, m/s^2, to 1e-4: Moritz (1980), with the first term of the height.
+fn normal(lat: f64, height: f64) -> f64 {
+    let sin = lat.to_radians().sin();
+    9.780_327 * (1.0 + 0.005_302_4 * sin * sin) - 3.086e-6 * height
+}
+
+#[cfg(test)]
+mod tests {
+    use super::normal;
+
+    /// Gravity at the equator and at a pole (GRS 80), and 1 km above.
+    #[test]
+    fn gravity_grows_to_the_pole_and_falls_with_the_height() {
+        for (lat, height, gravity) in
+            [(0.0, 0.0, 9.780_327), (90.0, 0.0, 9.832_186), (45.0, 1000.0, 9.803_17)]
+        {
+            assert!((normal(lat, height) - gravity).abs() < 2e-4, "{lat} {height}");
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! The axes of a velocity log: upwards or downwards by a depth, and turned by the accelerations of the IMU.
+
+use crate::axes::{self, Turn};
+use crate::recording::Recording;
+use crate::samples::find;
+use crate::stream::StreamSurvey;
+
+/// Yaw of a velocity log, rad, from which it is no error of the mounting: 3 deg.
+const MOUNTED: f64 = 0.052;
+impl Recording {
+    /// Turns a velocity log whose third velocity is positive upwards, by the depth.
+    pub fn turn_log(&mut self, streams: &[StreamSurvey]) -> bool {
+        let up = find(streams, "dvl").and_then(|s| s.sinks).is_some_and(|sinks| sinks < 0.0);
+        let part = self.part_mut("dvl").filter(|p| up && p.found.beams.is_none());
+        let Some(part) = part.filter(|p| p.samples.axes.is_none()) else { return false };
+        part.samples.axes = Some(["x", "-y", "-z"].map(str::to_owned));
+        let text = "its third velocity is positive upwards, by the depth: forward, left, up is assumed, \
+                    and y and z are turned";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("dvl: {text}"));
+        true
+    }
+
+    /// Notes the mounting of a velocity log whose yaw is no error of a mounting.
+    pub fn mount(&mut self, streams: &[StreamSurvey]) -> bool {
+        let turn = find(streams, "dvl").and_then(|s| s.turn);
+        let large = |t: &Turn| t.angle.abs() > MOUNTED.max(5.0 * t.sigma);
+        let Some(turn) = turn.filter(large) else { return false };
+        if std::mem::replace(&mut self.mounted, true) {
+            return false;
+        }
+        let Some(part) = self.part_mut("dvl") else { return false };
+        let quarters = axes::quarters(turn).filter(|quarters| *quarters != 0);
+        let quarters = quarters.filter(|quarters| {
+            let rest = turn.angle - f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
+            rest.abs() < MOUNTED.max(3.0 * turn.sigma)
+        });
+        match quarters.and_then(|quarters| axes::named([0.0, 0.0, -1.0], quarters)) {
+            Some(relative) => {
+                part.samples.turn(relative);
+            }
+            None => part.samples.mounting = Some(turn),
+        }
+        let text = format!(
+            "its axes are rotated by {:.1} deg about down relative to the IMU, sigma {:.1} deg, according \
+             to the accelerations that both measure",
+            turn.angle.to_degrees(),
+            turn.sigma.to_degrees()
+        );
+        part.found.questions.push(text.clone());
+        self.notes.push(format!("dvl: {text}"));
+        true
+    }
+
+    /// Takes the beams of a log as the motion shows them, and turns the sign of velocities that a depth
+    /// contradicts; `true` if the sign changed.
+    pub fn turn_beams(&mut self, streams: &[StreamSurvey]) -> bool {
+        let Some(shown) = find(streams, "dvl") else { return false };
+        let Some(part) = self.part_mut("dvl") else { return false };
+        let Some(beams) = part.found.beams.as_ref() else { return false };
+        part.samples.aimed.clone_from(&shown.aimed);
+        let away = shown.sinks.is_some_and(|sinks| sinks < 0.0);
+        if !away || part.samples.beams > 0 {
+            return false;
+        }
+        part.samples.beams = beams.count;
+        let text = "the velocities along its beams are positive for a vehicle that rises, by the depth: their \
+                    signs are turned";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("dvl: {text}"));
+        true
+    }
+}
