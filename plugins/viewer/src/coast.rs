@@ -5,8 +5,9 @@
 const BYTES: &[u8] = include_bytes!("coast.bin");
 /// Unit of the steps, deg.
 const UNIT: f64 = 0.004;
-/// Farthest that thinning moved a line, in words: 0.01 deg.
-pub const ACCURACY: &str = "1 km";
+/// Accuracy of a line in words: thinning moved it by 1.1 km at most, its points are rounded to 0.2 km, and
+/// capes of the source are off by more.
+pub const ACCURACY: &str = "3 km";
 
 /// A place: latitude and longitude, deg.
 type Place = [f64; 2];
@@ -88,7 +89,7 @@ mod tests {
         pieces.iter().flat_map(|piece| piece.windows(2).map(from)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Lighthouses and capes; the source is accurate to about half a kilometre, and thinning adds one.
+    /// Capes by their published coordinates; eleven capes were off by 0.03 to 2.4 km.
     #[test]
     fn capes_are_on_the_coast() {
         for (name, place) in [
@@ -97,7 +98,7 @@ mod tests {
             ("Cape Reinga", [-34.4220, 172.6800]),
             ("Point Reyes", [37.9957, -123.0231]),
         ] {
-            assert!(distance(place) < 1.6, "{name}: {} km", distance(place));
+            assert!(distance(place) < 3.0, "{name}: {} km", distance(place));
         }
     }
 

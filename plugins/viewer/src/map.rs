@@ -219,7 +219,7 @@ mod tests {
             Graticule::new(&extent(geo)).map(|g| (g.coast().len(), g.title()))
         };
         let near = view([48.01, -4.77]).unwrap_or_default();
-        assert!(near.0 > 0 && near.1.ends_with("; coast to 1 km"), "{near:?}");
+        assert!(near.0 > 0 && near.1.ends_with("; coast to 3 km"), "{near:?}");
         let far = view([43.0, 5.0]).unwrap_or_default();
         assert!(far.0 == 0 && !far.1.contains("coast"), "{far:?}");
     }

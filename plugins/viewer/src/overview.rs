@@ -8,13 +8,14 @@ use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
 use errors::Errors;
-pub use errors::states;
 use navfuse_core::model::record::answers::{Answers, Truth};
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Criterion, Verdict, VerdictLevel};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
+/// Greatest number of sensors whose table has room on the page; that of more stands under the states.
+pub const MANY: usize = 7;
 /// Sigma at the end relative to the prior, above which a state has not converged.
 const CONVERGED: f64 = 0.5;
 /// Greatest number of blocks that are named as not converged.
@@ -52,7 +53,18 @@ pub fn page(run: &Run, verdict: Option<&Verdict>, now: Time) -> String {
     bad::write(&mut page, &run.lanes, &run.sensors, verdict, now);
     write_convergence(&mut page, &run.blocks);
     errors.answer(&mut page, verdict, &run.blocks);
-    write_sensors(&mut page, &run.lanes, verdict);
+    if run.lanes.len() <= MANY {
+        write_sensors(&mut page, &run.lanes, verdict);
+    }
+    page
+}
+
+/// The table of the states, and that of many sensors.
+pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
+    let mut page = errors::states(run);
+    if run.lanes.len() > MANY {
+        write_sensors(&mut page, &run.lanes, verdict);
+    }
     page
 }
 

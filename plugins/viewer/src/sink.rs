@@ -275,7 +275,7 @@ impl Run {
     ) -> Result<(), StreamError> {
         let page = overview::page(self, verdict, now);
         recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))?;
-        let states = TextDocument::from_markdown(overview::states(self));
+        let states = TextDocument::from_markdown(overview::states(self, verdict));
         recording.log_static(&path(&["states"]), &states)
     }
 }
