@@ -10,13 +10,13 @@ use std::fmt;
 /// How often the covariance is propagated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum CovarianceRate {
-    /// With every sample of the driving sensor.
-    #[default]
-    EverySample,
     /// As often as the terms that a pool of steps neglects demand.
+    #[default]
     Bounded,
     /// As above, and at least at this rate.
     Least(Positive<Frequency>),
+    /// With every sample of the driving sensor.
+    EverySample,
 }
 
 impl<'de> Deserialize<'de> for CovarianceRate {

@@ -60,10 +60,10 @@ pub struct EstimatorConfig {
     /// `ukf` (unscented), or one that a plugin registers. A sensor's own `update` has precedence.
     #[serde(default = "ekf")]
     pub(crate) update: String,
-    /// How often the covariance is propagated. The estimate takes every sample. With `"bounded"` the
-    /// covariance takes the steps of several samples as one, as many as change no sigma by more than a
-    /// millionth, and ends there before each measurement and each recorded estimate; a rate such as
-    /// "5 Hz" is the least one beside this bound. Default: with every sample.
+    /// How often the covariance is propagated. The estimate takes every sample. The covariance takes the
+    /// steps of several samples as one, `"bounded"`: as many as change no sigma by more than a millionth,
+    /// ended by each measurement and each recorded estimate. A rate such as "5 Hz" is the least one
+    /// beside this bound, and `"every sample"` takes each step by itself. Default: `"bounded"`.
     #[serde(default)]
     covariance_rate: CovarianceRate,
     /// Rate at which estimates are recorded.

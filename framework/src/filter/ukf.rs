@@ -142,7 +142,7 @@ impl EstimatorType for Ukf {
                            not have; remove `smooth`, `lag` and `passes`, or set type = \"ekf\"";
             return Err(ComposeError::new("smooth", message));
         }
-        if composition.estimator.covariance_rate() != CovarianceRate::EverySample {
+        if matches!(composition.estimator.covariance_rate(), CovarianceRate::Least(_)) {
             let message = "the unscented filter propagates the covariance with every sample; \
                            remove `covariance_rate`, or set type = \"ekf\"";
             return Err(ComposeError::new("covariance_rate", message));

@@ -19,5 +19,5 @@ pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
 pub use block_set::BlockSet;
 pub use layout::{AnyHandle, BodyInfo, Handle, Layout, Past, Signal, State, Vehicle};
 pub use transient::Transients;
-pub(crate) use vectorised::vectorised;
+pub(crate) use vectorised::{magnitude, select, vectorised};
 pub use view::View;

@@ -1,5 +1,6 @@
 //! Functions that are compiled twice: for any processor of the target, and for one with AVX2.
 
+use pulp::bytemuck::cast;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Calls a function on the vector instructions that the processor has. Both versions add and multiply
@@ -26,4 +27,18 @@ impl<A, R, F: Fn(A) -> R> WithSimd for Call<A, F> {
     fn with_simd<S: Simd>(self, _: S) -> R {
         (self.function)(self.arguments)
     }
+}
+
+/// The lanes of `yes` where the mask is set, and of `no` elsewhere.
+///
+/// As [`Simd::select_f64s`], which is a call where the compiler does not inline it.
+#[inline(always)]
+pub(crate) fn select<S: Simd>(simd: S, mask: S::m64s, yes: S::f64s, no: S::f64s) -> S::f64s {
+    cast(simd.select_u64s(mask, cast(yes), cast(no)))
+}
+
+/// The magnitude of each lane, as [`Simd::abs_f64s`]: see [`select`].
+#[inline(always)]
+pub(crate) fn magnitude<S: Simd>(simd: S, x: S::f64s) -> S::f64s {
+    simd.and_f64s(x, simd.splat_f64s(f64::from_bits(u64::MAX >> 1)))
 }

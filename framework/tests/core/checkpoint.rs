@@ -48,7 +48,7 @@ fn ended(session: Session) -> (String, String) {
 #[test]
 fn a_run_that_is_cut_at_every_sample_equals_the_uncut_one() {
     for settings in
-        [&[][..], &["estimator.covariance_rate=\"bounded\""], &["sensor.fix.late=\"2 s\""]]
+        [&[][..], &["estimator.covariance_rate=\"every sample\""], &["sensor.fix.late=\"2 s\""]]
     {
         let (mut uncut, mut cut) = (session(settings), session(settings));
         for sample in &samples() {

@@ -17,7 +17,7 @@
 //! information that the measurements would hold on each component if all others were known.
 
 use navfuse_core::state::Layout;
-use navfuse_core::state::covariance::{StepSum, Transition, Update};
+use navfuse_core::state::covariance::{Transition, Update};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Fixed-point smoother of the initial error. Rows are indices of the error state, columns are
@@ -33,9 +33,8 @@ pub struct InitialError {
     left: Vec<f64>,
     /// Diagonal of the Gramian of `F`.
     alone: Vec<f64>,
-    /// Steps that `G` and `F` have not taken yet.
-    steps: StepSum,
     /// Work space.
+    carried: Vec<f64>,
     rows: Vec<f64>,
     lower: Lower,
     processor: Arch,
@@ -61,30 +60,21 @@ impl InitialError {
             maps,
             left,
             alone: vec![0.0; n],
-            steps: StepSum::default(),
+            carried: Vec::new(),
             rows: Vec::new(),
             lower: Lower::default(),
             processor: Arch::new(),
         }
     }
 
-    /// Takes a transition. `G` and `F` follow with [`Self::settle`].
+    /// Propagates `G` and `F`.
     pub fn transition(&mut self, transition: &Transition) {
-        if !self.steps.add(transition) {
-            self.settle();
-            self.steps.add(transition);
-        }
-    }
-
-    /// Propagates `G` and `F` over the steps since the last call.
-    pub fn settle(&mut self) {
-        self.steps.carry(&mut self.maps, 2 * self.stride);
+        transition.carry(&mut self.maps, 2 * self.stride, &mut self.carried);
     }
 
     /// Applies an update. `reduction` receives the factor by which the update reduced the remaining
     /// variance of each component.
     pub fn correction(&mut self, layout: &Layout, update: &Update, reduction: &mut [f64]) {
-        self.settle();
         let processor = self.processor;
         processor.dispatch(Correction { error: self, update, reduction });
         self.reset(layout, &update.delta);
@@ -131,7 +121,6 @@ impl InitialError {
 
     /// Expresses the present error relative to the state with an injected error.
     pub fn reset(&mut self, layout: &Layout, injected: &[f64]) {
-        self.settle();
         layout.reset_rows(injected, &mut self.maps, 2 * self.stride);
     }
 
@@ -146,8 +135,8 @@ impl InitialError {
         &self.alone
     }
 
-    /// Returns the element `(i, j)` of `G`: the error in the state `i` at the last
-    /// [`Self::settle`], for an initial error of one prior sigma in the component `j`.
+    /// Returns the element `(i, j)` of `G`: the error in the state `i`, for an initial error of one
+    /// prior sigma in the component `j`.
     pub fn carried(&self, i: usize, j: usize) -> f64 {
         self.maps[2 * i * self.stride + j]
     }

@@ -96,6 +96,13 @@ impl Reference {
         let elements = || transition.elements().filter(|(i, ..)| own(*i));
         elements().for_each(|(i, ..)| phi[i * n + i] = 0.0);
         elements().for_each(|(i, j, value)| phi[i * n + j] += value);
+        type Elements<'a> = &'a mut dyn Iterator<Item = (usize, usize, f64)>;
+        let add = |covariance: &mut Covariance, noise: Elements<'_>| {
+            for (i, j, q) in noise.filter(|&(i, j, _)| j <= i && own(i)) {
+                covariance.set(i, j, covariance.get(i, j) + q);
+            }
+        };
+        add(covariance, &mut transition.noise_before());
         for range in moving() {
             for (i, j) in pairs(range) {
                 let product = |k: usize| phi[i * n + k] * covariance.get(k, j);
@@ -106,9 +113,7 @@ impl Reference {
                 covariance.set(i, j, sum);
             }
         }
-        for (i, j, q) in transition.noise_elements().filter(|&(i, j, _)| j <= i && own(i)) {
-            covariance.set(i, j, covariance.get(i, j) + q);
-        }
+        add(covariance, &mut transition.noise_after());
     }
 
     /// Finds the blocks with dynamics from the declared elements of `Phi` and `Q`, and from those of
@@ -119,7 +124,7 @@ impl Reference {
             others.for_each(|(i, ..)| self.blocks[self.owner[i]].driven = true);
         }
         let elements = transition.elements().map(|(i, ..)| i);
-        for i in elements.chain(transition.noise_elements().map(|(i, ..)| i)) {
+        for i in elements.chain(transition.noise_after().map(|(i, ..)| i)) {
             let block = &mut self.blocks[self.owner[i]];
             block.moves = !block.driven;
         }

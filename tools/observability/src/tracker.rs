@@ -365,7 +365,6 @@ impl Tracker {
         self.judged = self.end;
         let Some(started) = &mut self.started else { return false };
         let (time, values) = (self.end, &self.values);
-        started.error.settle();
         let mut changed = false;
         let mut first = 0;
         for (slot, block) in self.layout.blocks.iter().enumerate() {

@@ -39,7 +39,7 @@ impl PooledSteps {
         if self.pool.is_empty() {
             self.since = from;
         }
-        let full = self.pool.add(transition);
+        let full = self.pool.add(transition, to.since(from));
         // the step after this one, if as long as this one, would end too late
         full || self.period.is_some_and(|period| to + (to - from) - self.since > period)
     }

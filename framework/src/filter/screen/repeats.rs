@@ -3,6 +3,7 @@
 use crate::checkpoint::saved;
 use crate::filter::screen::usual::{lanes, lanes_mut};
 use crate::model::process::screening::{Screening, Spread};
+use crate::state::magnitude;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::Simd;
 use std::sync::Arc;
@@ -124,7 +125,7 @@ impl Repeats {
             let channels = (n - (k * S::F64_LANES).min(n)).min(S::F64_LANES);
             let channels = simd.mask_between_m64s(0, channels as u64).mask();
             let stays = simd.or_m64s(simd.equal_f64s(x[k], raw[k]), simd.equal_f64s(x[k], zero));
-            let beyond = simd.less_than_f64s(simd.mul_f64s(range[k], unit), simd.abs_f64s(x[k]));
+            let beyond = simd.less_than_f64s(simd.mul_f64s(range[k], unit), magnitude(simd, x[k]));
             let suspect = simd.and_m64s(simd.or_m64s(stays, beyond), channels);
             any |= simd.first_true_m64s(suspect) < S::F64_LANES;
         }

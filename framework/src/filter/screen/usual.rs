@@ -5,6 +5,7 @@
 use crate::checkpoint::saved;
 use crate::filter::propagate::cadence::Cadence;
 use crate::model::process::screening::{Screening, Spread};
+use crate::state::{magnitude, select};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 use pulp::Simd;
@@ -159,11 +160,11 @@ impl Usual {
         let mut any = false;
         for k in 0..x.len() {
             let ahead = simd.sub_f64s(x[k], simd.mul_f64s(two, last[k]));
-            let bend = simd.abs_f64s(simd.add_f64s(ahead, before[k]));
+            let bend = magnitude(simd, simd.add_f64s(ahead, before[k]));
             let usual = simd.mul_f64s(many, rough[k]);
             let bends = simd
                 .and_m64s(simd.less_than_f64s(least[k], bend), simd.less_than_f64s(usual, bend));
-            let step = simd.abs_f64s(simd.sub_f64s(x[k], last[k]));
+            let step = magnitude(simd, simd.sub_f64s(x[k], last[k]));
             let steps = simd.less_than_f64s(simd.mul_f64s(change[k], unit), step);
             any |= simd.first_true_m64s(simd.or_m64s(bends, steps)) < S::F64_LANES;
         }
@@ -205,19 +206,19 @@ impl Usual {
         let gaussian = simd.splat_f64s(GAUSSIAN);
         for k in 0..x.len() {
             let ahead = simd.sub_f64s(x[k], simd.mul_f64s(two, last[k]));
-            let bend = simd.abs_f64s(simd.add_f64s(ahead, before[k]));
+            let bend = magnitude(simd, simd.add_f64s(ahead, before[k]));
             let known = simd.less_than_f64s(zero, rough[k]);
-            let limit = simd.select_f64s(known, simd.mul_f64s(most, rough[k]), none);
-            let bend = simd.select_f64s(simd.less_than_f64s(bend, limit), bend, limit);
+            let limit = select(simd, known, simd.mul_f64s(most, rough[k]), none);
+            let bend = select(simd, simd.less_than_f64s(bend, limit), bend, limit);
             let bent = simd.less_than_f64s(zero, bend);
             let follow =
                 |mean, value| simd.add_f64s(mean, simd.mul_f64s(simd.sub_f64s(value, mean), share));
             let mean = follow(means[k], bend);
             let square = follow(squares[k], simd.mul_f64s(bend, bend));
             let ratio = simd.div_f64s(simd.mul_f64s(gaussian, square), mean);
-            rough[k] = simd.select_f64s(bent, ratio, rough[k]);
-            means[k] = simd.select_f64s(bent, mean, means[k]);
-            squares[k] = simd.select_f64s(bent, square, squares[k]);
+            rough[k] = select(simd, bent, ratio, rough[k]);
+            means[k] = select(simd, bent, mean, means[k]);
+            squares[k] = select(simd, bent, square, squares[k]);
         }
     }
 

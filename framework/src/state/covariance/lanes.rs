@@ -1,5 +1,6 @@
 //! Matrices in *lanes* of four columns and tiles of four by four.
 
+use crate::state::select;
 use pulp::Simd;
 use pulp::bytemuck::cast;
 
@@ -60,7 +61,7 @@ pub(super) fn mirrored<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
         let mut rows: [S::f64s; 4] = cast(tile);
         let columns = simd.deinterleave_shfl_f64s(rows);
         for (i, (row, column)) in (0..).zip(rows.iter_mut().zip(columns)) {
-            *row = simd.select_f64s(simd.mask_between_m64s(0, i).mask(), *row, column);
+            *row = select(simd, simd.mask_between_m64s(0, i).mask(), *row, column);
         }
         return cast(rows);
     }

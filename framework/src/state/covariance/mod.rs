@@ -7,6 +7,7 @@
 mod aligned;
 mod back;
 mod bands;
+mod carried;
 mod chain;
 mod decay;
 mod dense;
@@ -14,11 +15,11 @@ mod inputs;
 mod kernel;
 mod lanes;
 mod matrix;
+mod noise;
 mod pool;
 mod product;
 mod rank;
 mod reach;
-mod sum;
 mod transition;
 mod update;
 
@@ -32,7 +33,6 @@ pub use matrix::{Covariance, standard_deviation};
 pub(crate) use pool::Pool;
 pub(crate) use product::{Closure, Product};
 pub(crate) use reach::Reach;
-pub use sum::StepSum;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 pub use update::Update;
 pub(crate) use update::{backward, cholesky, forward};

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use super::{
-    BackwardStep, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Product, StepSum, Transition, Update,
+    BackwardStep, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Pool, Product, Transition, Update,
 };
 use crate::compose::Composer;
 use crate::state::dynamics::BlockDynamics;
@@ -266,45 +266,54 @@ proptest! {
     }
 
     #[test]
-    fn equal_short_steps_that_are_taken_as_one_lack_the_term_of_the_third_order(
+    fn a_pool_of_steps_lacks_the_third_order_and_its_transition_moves_the_covariance(
         cases in prop::collection::vec(block_case(), 1..=8),
         seed in any::<u64>(),
-        steps in 1..=4_u32,
+        steps in 1..=4_i32,
     ) {
         let mut u = Numbers(seed);
         let (layout, mut step, _) = compose(&cases, &mut u);
-        let (n, stride) = (layout.tangent, layout.tangent.next_multiple_of(4));
+        let n = layout.tangent;
         prop_assume!(n > 0);
         let identity = step.identity();
         step.phi.iter_mut().zip(&identity).for_each(|(phi, one)| *phi = one + 0.01 * *phi);
-        let mut g: Vec<f64> = (0..n * stride).map(|_| u.next()).collect();
-        let start = DMatrix::from_row_slice(n, stride, &g);
-        let mut sum = StepSum::default();
-        for _ in 0..steps {
-            if !sum.add(&step) {
-                sum.carry(&mut g, stride);
-                prop_assert!(sum.add(&step));
-            }
-        }
-        sum.carry(&mut g, stride);
-        let phi = step.phi_dense(n);
-        let change = &phi - DMatrix::identity(n, n);
+        let prior = u.definite(n);
+        let mut pool = Pool::new(&layout, &step);
+        let mut still = step.clone();
+        still.q.fill(0.0);
+        still.own.iter_mut().for_each(|own| own.q = 0.0);
         // a row without an element of its own does not keep its state: each step is one of its own
         let own = identity.iter().filter(|one| **one != 0.0).count();
-        let lacking = match (own == step.kernel.rows().len(), steps) {
+        let complete = own == step.kernel.rows().len();
+        let mut moved = covariance_of(&prior);
+        for _ in 0..steps {
+            if pool.add(&still, 0.5) && !complete {
+                pool.take(&mut moved);
+            }
+        }
+        if !pool.is_empty() {
+            pool.take(&mut moved);
+        }
+        let phi = step.phi_dense(n);
+        let change = &phi - DMatrix::identity(n, n);
+        let mut lacking = match (complete, steps) {
             (true, 3) => change.pow(3),
             (true, 4) => change.pow(3) * 4.0 + change.pow(4),
             _ => DMatrix::zeros(n, n),
         };
-        let expected = ((phi.pow(steps) - lacking) * start).transpose();
-        let apart = g.iter().zip(expected.iter()).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        prop_assert!(apart <= 1e-12, "{}", apart);
-        // the places of another transition may be others
-        let mut other = step.clone();
-        other.compile(&layout);
-        prop_assert!(sum.add(&step) && !sum.add(&other));
-        sum.carry(&mut g, stride);
-        prop_assert!(sum.add(&other));
+        let alone = |i: &usize| step.places().iter().filter(|place| place.0 == *i).count() == 1;
+        let decays = |i: &usize| alone(i) && step.places().contains(&(*i, *i));
+        (0..n).filter(decays).for_each(|i| lacking.row_mut(i).fill(0.0));
+        let whole = phi.pow(u32::try_from(steps).unwrap()) - lacking;
+        same(&moved, &(&whole * &prior * whole.transpose()))?;
+        // with noise, and steps of different lengths
+        for k in 1..=steps {
+            pool.add(&step, 0.3 * f64::from(k));
+        }
+        let mut moved = covariance_of(&prior);
+        let whole = pool.take(&mut moved);
+        let (phi, q) = (whole.phi_dense(n), whole.noise_dense(n));
+        same(&moved, &(&phi * &prior * phi.transpose() + q))?;
     }
 
     #[test]
@@ -503,45 +512,5 @@ fn a_shear_and_the_one_of_the_information_are_those_of_a_dense_matrix() {
         back.shear_back(rows, k, &g);
         same(&forth, &(&whole * &p * whole.transpose())).unwrap();
         same(&back, &(whole.transpose() * &p * &whole)).unwrap();
-    }
-}
-
-/// A transition that lets a state decay, with its layout of one state.
-fn decay(factor: f64) -> (Layout, Transition) {
-    let mut composer = Composer::default();
-    add_block::<1>(&mut composer, "b", Mode::Estimate, Dynamics::Constant);
-    let (layout, mut transition, _) = composer.finish();
-    let slot = transition.phi_diagonal::<1>(Some(0), Some(0));
-    transition.compile(&layout);
-    transition.set_diagonal(slot, &[factor]);
-    (layout, transition)
-}
-
-/// Pairs of steps are exact. Four steps `1 - 0.0296` lack `4 * 0.0296^3`, 1.0e-4, and ten such parts 1.2e-3
-/// of `exp(-1.2)`.
-#[test]
-fn a_state_that_decays_fast_is_carried_in_short_parts() {
-    let decays = [(-0.1_f64, 1e-12), (-0.06, 1e-12), (-0.03, 4e-4), (f64::NEG_INFINITY, 0.0)];
-    for (factor, bound) in decays.map(|(exponent, bound)| (exponent.exp(), bound)) {
-        let (_, step) = decay(factor);
-        let (mut g, mut sum) = ([1.0, 0.0, 0.0, 0.0], StepSum::default());
-        for _ in 0..40 {
-            if !sum.add(&step) {
-                sum.carry(&mut g, 4);
-                assert!(sum.add(&step));
-            }
-        }
-        sum.carry(&mut g, 4);
-        let expected = factor.powi(40);
-        assert!((g[0] - expected).abs() <= bound, "{factor}: {} {expected}", g[0]);
-    }
-}
-
-/// A state with a time constant of 3 s at 100 Hz decays by 0.1 in 30 steps, and a constant never.
-#[test]
-fn at_most_32_steps_are_taken_as_one_and_fewer_if_a_state_decays() {
-    for (factor, expected) in [(1.0, 32), ((-0.01_f64 / 3.0).exp(), 31), (0.96, 3), (0.8, 1)] {
-        let (mut sum, (_, step)) = (StepSum::default(), decay(factor));
-        assert_eq!((0..40).take_while(|_| sum.add(&step)).count(), expected, "{factor}");
     }
 }

@@ -1,5 +1,6 @@
 //! Transition of one step: a sparse pattern, found once, and its products.
 
+use super::carried::Carried;
 use super::inputs::Inputs;
 use super::kernel::Kernel;
 use super::{Covariance, Reach};
@@ -35,12 +36,14 @@ pub struct Transition {
     pub(super) excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
     pub(super) own: Vec<Own>,
+    /// How the steps of a pool carry the noise.
+    pub(super) carried: Carried,
     /// Effect of the driving samples.
     pub(super) inputs: Inputs,
     pub(super) kernel: Kernel,
 }
 
-saved!(Transition { excess, inputs } each { phi, q, own } except { places, noise, kernel });
+saved!(Transition { excess, inputs } each { phi, q, own } except { places, noise, carried, kernel });
 
 /// One axis of a block with dynamics of its own.
 #[derive(Clone, Debug)]
@@ -207,29 +210,9 @@ impl Transition {
 
     /// `P = Phi P Phi' + Q`, without allocation.
     pub fn propagate(&mut self, covariance: &mut Covariance) {
+        self.add_early_noise(covariance);
         self.kernel.propagate(&self.phi, covariance);
         self.add_noise(covariance);
-    }
-
-    /// `P = P + Q`.
-    pub(crate) fn add_noise(&self, covariance: &mut Covariance) {
-        self.add_share_of_noise(1.0, covariance);
-    }
-
-    /// Adds a share of `Q`.
-    pub(super) fn add_share_of_noise(&self, part: f64, covariance: &mut Covariance) {
-        let (stride, p) = (covariance.stride, &mut covariance.p);
-        let share = part * (1.0 + self.excess);
-        for &(at, row, size) in &self.noise {
-            let (q, p) = (&self.q[at..at + size * size], &mut p[row * stride..][..size * stride]);
-            match (q.first_chunk::<9>(), size) {
-                (Some(q), 3) => add_three(p, stride, row, q, share),
-                _ => add_block(p, stride, row, size, q, share),
-            }
-        }
-        for own in &self.own {
-            p[own.row * stride + own.row] += part * own.q;
-        }
     }
 
     /// `G = Phi G` with the `Phi` of the last [`Self::propagate`]. `G` is row-major with rows of
@@ -254,23 +237,26 @@ impl Transition {
 
     /// Adds the numbers of the last step to `out`.
     pub(crate) fn write_step(&self, out: &mut Vec<f64>) {
-        out.push(self.excess);
+        out.extend([self.excess, self.carried.early]);
         out.extend_from_slice(&self.phi);
         out.extend_from_slice(&self.q);
         out.extend(self.own.iter().map(|own| own.q));
+        out.extend_from_slice(&self.carried.values);
     }
 
     /// Takes the step of a transition with the same places off the numbers.
     pub(crate) fn read_step(&mut self, numbers: &mut &[f64]) {
-        let Self { excess, phi, q, own, .. } = self;
-        for to in [std::slice::from_mut(excess), phi, q] {
+        let Self { excess, phi, q, own, carried: Carried { early, values, .. }, .. } = self;
+        let mut read = |to: &mut [f64]| {
             let (step, rest) = numbers.split_at(to.len());
             to.copy_from_slice(step);
             *numbers = rest;
-        }
-        let (step, rest) = numbers.split_at(own.len());
-        own.iter_mut().zip(step).for_each(|(own, q)| own.q = *q);
-        *numbers = rest;
+        };
+        [std::slice::from_mut(excess), std::slice::from_mut(early), phi, q]
+            .into_iter()
+            .for_each(&mut read);
+        own.iter_mut().for_each(|own| read(std::slice::from_mut(&mut own.q)));
+        read(values);
     }
 
     /// The share of the identity in each element of `Phi`, in the order of [`Self::places`].
@@ -302,26 +288,6 @@ impl Transition {
         );
     }
 
-    /// Computes the variance of the noise of each error state.
-    pub(super) fn noise_variances(&self, variances: &mut [f64]) {
-        variances.fill(0.0);
-        for &(at, row, size) in &self.noise {
-            (0..size).for_each(|i| variances[row + i] += self.q[at + i * size + i]);
-        }
-        self.own.iter().for_each(|own| variances[own.row] += own.q);
-    }
-
-    /// Computes the density of the models' process noise in a step of `dt` seconds: for each error
-    /// state, the variance divided by `dt`.
-    pub(crate) fn noise_density(&self, dt: f64, density: &mut [f64]) {
-        let rate = (1.0 + self.excess) / dt;
-        for &(at, row, size) in &self.noise {
-            for i in 0..size {
-                density[row + i] = rate * self.q[at + i * size + i];
-            }
-        }
-    }
-
     /// Approximate size, bytes.
     pub(crate) fn size(&self) -> usize {
         let numbers = self.phi.len() + self.q.len();
@@ -341,15 +307,6 @@ impl Transition {
         self.places.iter().zip(&self.phi).map(|(&(i, j), &value)| (i, j, value))
     }
 
-    /// The declared elements of `Q`, as row, column and value.
-    pub fn noise_elements(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
-        let share = 1.0 + self.excess;
-        let blocks = self.noise.iter().flat_map(move |&(at, row, size)| {
-            (0..size * size).map(move |k| (row + k / size, row + k % size, share * self.q[at + k]))
-        });
-        blocks.chain(self.own.iter().map(|own| (own.row, own.row, own.q)))
-    }
-
     /// `Phi` as a dense matrix: the identity, except in the rows with declared elements.
     pub fn phi_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut phi = nalgebra::DMatrix::identity(n, n);
@@ -358,64 +315,5 @@ impl Transition {
         }
         self.elements().for_each(|(i, j, value)| phi[(i, j)] += value);
         phi
-    }
-
-    /// `Q` as a dense matrix.
-    pub fn noise_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
-        let mut q = nalgebra::DMatrix::zeros(n, n);
-        self.noise_elements().for_each(|(i, j, value)| q[(i, j)] += value);
-        q
-    }
-}
-
-/// As [`add_block`], for three axes.
-#[inline(always)]
-fn add_three(p: &mut [f64], stride: usize, column: usize, q: &[f64; 9], share: f64) {
-    for (i, q) in q.as_chunks::<3>().0.iter().enumerate() {
-        let p = &mut p[i * stride + column..][..3];
-        p.iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
-    }
-}
-
-/// Adds `share` times a block of `size` rows to the rows of `p`, from that column on.
-fn add_block(p: &mut [f64], stride: usize, column: usize, size: usize, q: &[f64], share: f64) {
-    for (p, q) in p.chunks_exact_mut(stride).zip(q.chunks_exact(size.max(1))) {
-        p[column..column + size].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::SMatrix;
-
-    /// Noise of a process on two states, and of the own dynamics of a third one.
-    fn transition(own: f64) -> Transition {
-        let mut transition = Transition::default();
-        let slot: NoiseSlot<2> = transition.noise(Some(0));
-        transition.set_noise(slot, &SMatrix::from([[4.0, 1.0], [1.0, 2.0]]));
-        let first = transition.own_block(2, 1, false);
-        transition.set_own(first, 0, None, own);
-        transition
-    }
-
-    fn noise(transition: &Transition) -> [[f64; 3]; 3] {
-        let mut p = Covariance::zero(3);
-        transition.add_noise(&mut p);
-        let dense = transition.noise_dense(3);
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                assert_eq!(p.get(i, j), dense[(i, j)]);
-                p.get(i, j)
-            })
-        })
-    }
-
-    /// Three times the standard deviation is nine times the variance.
-    #[test]
-    fn the_noise_of_the_processes_is_scaled_and_that_of_own_dynamics_stays() {
-        let mut transition = transition(0.5);
-        transition.scale_noise(3.0);
-        assert_eq!(noise(&transition), [[36.0, 9.0, 0.0], [9.0, 18.0, 0.0], [0.0, 0.0, 0.5]]);
     }
 }

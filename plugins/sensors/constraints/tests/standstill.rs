@@ -119,8 +119,8 @@ fn sigma_at_rest(settings: &[&str]) -> Vec<f64> {
 /// the time of each before it is corrected, or sigma would be that of another time.
 #[test]
 fn a_standstill_corrects_the_covariance_of_its_own_time_at_every_covariance_rate() {
-    let every = sigma_at_rest(&[]);
-    let pooled = sigma_at_rest(&["estimator.covariance_rate='bounded'"]);
+    let every = sigma_at_rest(&["estimator.covariance_rate='every sample'"]);
+    let pooled = sigma_at_rest(&[]);
     for (every, pooled) in every.iter().zip(&pooled) {
         assert!((pooled / every - 1.0).abs() < 1e-6, "{every} {pooled}");
     }
