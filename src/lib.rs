@@ -45,6 +45,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_dead_reckoning::DeadReckoningPlugin)
         .add(&navfuse_acoustic::AcousticPlugin)
         .add(&navfuse_terrain::TerrainPlugin)
+        .add(&navfuse_point_mass::PointMassPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_dvl_files::DvlFilesPlugin)

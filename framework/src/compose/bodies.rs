@@ -3,7 +3,9 @@
 use crate::compose::Composer;
 use crate::model::error::ComposeError;
 use crate::model::sensor::body::Body;
-use crate::state::BodyInfo;
+use crate::state::layout::Carried;
+use crate::state::manifold::{Position, Rotation, Vector};
+use crate::state::{BodyInfo, Handle};
 
 /// The bodies of a composition.
 #[derive(Default)]
@@ -15,6 +17,22 @@ pub(super) struct Bodies {
 }
 
 impl Composer {
+    /// Declares that the errors of an attitude and of a velocity in north, east, down are carried along
+    /// with the position, without a turn about the vertical: a process through a pole needs it, where
+    /// north turns without bound. The values stay in north, east, down.
+    ///
+    /// The transition of the process is then that of these errors: between the states of a step, they
+    /// are along north, east and down of each state's own position.
+    pub fn carries(
+        &mut self,
+        position: Handle<Position>,
+        attitude: Handle<Rotation>,
+        velocity: Handle<Vector<3>>,
+    ) {
+        let (position, attitude, velocity) = (position.slot, attitude.slot, velocity.slot);
+        self.layout_mut().carried.push(Carried { position, attitude, velocity });
+    }
+
     /// Declares that the process moves a body beside the vehicle, on which sensors ride.
     pub fn moves_body(&mut self, body: Body) {
         let owner = self.owner().to_owned();

@@ -65,7 +65,7 @@ pub(crate) struct BuiltSensor {
 }
 
 pub(crate) enum Make {
-    Process(ForComposer<BuiltProcess>),
+    Process { make: ForComposer<BuiltProcess>, beside: bool },
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
     Source { prepare: Prepare<Open<Vec<Box<dyn Source>>>>, simulates: bool },
     Link { prepare: Prepare<Open<Box<dyn Feed>>> },

@@ -175,7 +175,8 @@ impl Registry {
         let make: ForComposer<BuiltProcess> = Box::new(move |node, composer| {
             Ok(build(&keys.table(node)?, composer).map_err(|e| e.at(node))?)
         });
-        self.insert_with(Kind::Process, name.into(), Make::Process(make), move || schema.clone());
+        let make = Make::Process { make, beside: false };
+        self.insert_with(Kind::Process, name.into(), make, move || schema.clone());
     }
 
     /// Registers a type of process model.
@@ -183,7 +184,7 @@ impl Registry {
         let make: ForComposer<BuiltProcess> = Box::new(|node, composer| {
             Ok(node.parse::<P>()?.build(composer).map_err(|e| e.at(node))?)
         });
-        self.insert::<P>(Kind::Process, P::TYPE, Make::Process(make));
+        self.insert::<P>(Kind::Process, P::TYPE, Make::Process { make, beside: P::BESIDE });
     }
 
     /// Registers a type of source.

@@ -96,6 +96,9 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 pub trait ProcessType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
+    /// Set if it moves a body beside the vehicle, such as a ship: it is built after the other
+    /// processes, wherever its table stands, and its sensor never gives the pace.
+    const BESIDE: bool = false;
     /// Adds its states, declares its part of the transition and returns its model.
     ///
     /// # Errors

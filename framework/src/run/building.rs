@@ -98,10 +98,14 @@ impl<'a> Building<'a> {
         Ok(())
     }
 
-    /// Builds the processes and connects each to its driving sensor.
+    /// Builds the processes and connects each to its driving sensor; those of the vehicle come first,
+    /// in whatever order their tables stand.
     pub fn processes(&mut self, parts: &[Part<'_>]) -> Result<(), BuildError> {
-        for part in parts {
-            let Make::Process(make) = &part.entry.make else { continue };
+        let is_beside =
+            |part: &&Part<'_>| matches!(part.entry.make, Make::Process { beside: true, .. });
+        let (beside, vehicle): (Vec<_>, Vec<_>) = parts.iter().partition(is_beside);
+        for part in vehicle.into_iter().chain(beside) {
+            let Make::Process { make, .. } = &part.entry.make else { continue };
             self.composer.begin(part.name);
             let BuiltProcess {
                 model,

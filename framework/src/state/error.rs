@@ -105,6 +105,7 @@ impl Layout {
                 (block.operations.retract)(&mut to.values[block.range()], delta);
             }
         }
+        self.carry(from, to);
     }
 
     /// Converts a Jacobian over `columns` (row-major), taken with respect to the error about a state
@@ -145,6 +146,7 @@ impl Layout {
     /// to the error about the new estimate. For a velocity that turns, `delta` receives the actual
     /// change.
     pub(crate) fn inject(&self, state: &mut State, delta: &mut [f64], covariance: &mut Covariance) {
+        let places = self.places(state);
         for t in self.corrected() {
             let (v, a) =
                 (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
@@ -162,13 +164,15 @@ impl Layout {
                 covariance.transform(range, &jacobian);
             }
         }
+        self.carry_corrected(&places, state, covariance);
     }
 
     /// Resets the covariance of the error with any other quantity, `G` with one row per state
     /// (row-major, rows of `stride`), to the error about the estimate after the injection of
     /// `delta`. The injection does the same to the filter's own covariance. `delta` must be the one
     /// that [`crate::model::record::Observer::correction`] receives; any other breaks the joint
-    /// covariance.
+    /// covariance. The turn of axes that are carried along with the position, the correction over the
+    /// distance to the pole, is left out.
     pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
         vectorised(
             (self, delta, g, stride),
@@ -207,8 +211,15 @@ impl Layout {
     pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {
         out.fill(0.0);
         let uncertain = |slot: usize| known[slot] && self.blocks[slot].tangent.is_some();
-        for (_, block) in self.blocks.iter().enumerate().filter(|(slot, _)| uncertain(*slot)) {
-            let (to, from) = (&truth.values[block.range()], &estimate.values[block.range()]);
+        let mut back = [0.0; 4];
+        for (slot, block) in self.blocks.iter().enumerate().filter(|(slot, _)| uncertain(*slot)) {
+            let (mut to, from) = (&truth.values[block.range()], &estimate.values[block.range()]);
+            if self.carrier(slot).is_some() {
+                let back = &mut back[..block.operations.ambient];
+                if self.carried_back(slot, [truth, estimate], known, back) {
+                    to = back;
+                }
+            }
             (block.operations.local)(to, from, &mut out[block.tangent_range()]);
         }
         for t in self.turning.iter().filter(|t| uncertain(t.velocity) && uncertain(t.attitude)) {

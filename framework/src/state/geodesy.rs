@@ -69,7 +69,82 @@ impl Geodetic {
     }
 }
 
+/// Cosine of the latitude below which positions move along great circles: within 0.5 deg of a pole,
+/// where degrees of longitude are no length.
+const NEAR_POLE: f64 = 0.0087;
+
+/// `1 - cos` of an angle, of its square.
+fn versine<T: Real>(square: T) -> T {
+    let half: T = convert(0.5);
+    if square < convert(1e-8) {
+        return square * half * (T::one() - square * convert(1.0 / 12.0));
+    }
+    let sine = (square.sqrt() * half).sin();
+    sine * sine * convert(2.0)
+}
+
+/// Sine of an angle over the angle, of its square.
+fn sinc<T: Real>(square: T) -> T {
+    if square < convert(1e-8) {
+        return T::one() - square * convert(1.0 / 6.0);
+    }
+    let angle = square.sqrt();
+    angle.sin() / angle
+}
+
 impl<T: Real> Geodetic<T> {
+    /// The position after a move along a great circle of the normals of the ellipsoid, by angles to
+    /// the north and to the east at its beginning, rad. It has no singularity: beyond a pole the
+    /// longitude is that of the other side.
+    #[must_use]
+    pub fn along(&self, north: T, east: T) -> Self {
+        let square = north * north + east * east;
+        let (sinc, cos_way) = (sinc(square), T::one() - versine(square));
+        let (sin, cos) = self.latitude.sin_cos();
+        // the normal in axes of the meridian: away from the axis of the Earth, east, and north pole
+        let away = cos * cos_way - sin * north * sinc;
+        let aside = east * sinc;
+        let axis = sin * cos_way + cos * north * sinc;
+        let flat = away * away + aside * aside;
+        // at the pole itself the root has no derivative
+        let flat = if flat > T::zero() { flat.sqrt() } else { T::zero() };
+        Self {
+            latitude: axis.atan2(flat),
+            longitude: self.longitude + aside.atan2(away),
+            height: self.height,
+        }
+    }
+
+    /// Angles to the north and to the east, rad, by which [`Self::along`] leads from `origin` here.
+    fn way_from(&self, origin: &Self) -> [T; 2] {
+        let ((sin, cos), (sin_o, cos_o)) = (self.latitude.sin_cos(), origin.latitude.sin_cos());
+        let (sin_lon, cos_lon) = (self.longitude - origin.longitude).sin_cos();
+        let north = cos_o * sin - sin_o * cos * cos_lon;
+        let east = cos * sin_lon;
+        let up = cos_o * cos * cos_lon + sin_o * sin;
+        let square = north * north + east * east;
+        let over = if square < convert(1e-8) && up > T::zero() {
+            T::one() + square * convert(1.0 / 6.0)
+        } else {
+            let sine = square.sqrt();
+            sine.atan2(up) / sine
+        };
+        [north * over, east * over]
+    }
+
+    /// Angle about the vertical, rad, by which the azimuth of a direction grows that is carried along
+    /// the great circle from here to `to` (Napier's analogies):
+    /// `tan(g/2) = tan(dlon/2) sin((L + L')/2) / cos((L' - L)/2)`.
+    pub fn turn_to(&self, to: &Self) -> T {
+        let half: T = convert(0.5);
+        let (sin, cos) = ((to.longitude - self.longitude) * half).sin_cos();
+        let middle = ((to.latitude + self.latitude) * half).sin();
+        let apart = ((to.latitude - self.latitude) * half).cos();
+        // a difference of the longitudes beyond half a turn is taken the short way round
+        let (sin, cos) = if cos < T::zero() { (-sin, -cos) } else { (sin, cos) };
+        (sin * middle).atan2(cos * apart) * convert(2.0)
+    }
+
     /// The position in Earth-fixed axes, m: x through the equator at Greenwich, z through the north
     /// pole (Groves eq. 2.112).
     pub fn earth_fixed(&self) -> Vector3<T> {
@@ -81,12 +156,18 @@ impl<T: Real> Geodetic<T> {
         Vector3::new(axis * cos_lon, axis * sin_lon, z)
     }
 
-    /// The position displaced by north, east and down metres along the local tangent.
+    /// The position displaced by north, east and down metres along the local tangent; within 0.5 deg of
+    /// a pole along a great circle, which leads across the pole.
     pub fn displaced(&self, ned: &Vector3<T>) -> Self {
         let (r_n, r_e) = radii_of_curvature(self.latitude);
+        let cos = self.latitude.cos();
+        if cos < convert(NEAR_POLE) {
+            let moved = self.along(ned.x / (r_n + self.height), ned.y / (r_e + self.height));
+            return Self { height: self.height - ned.z, ..moved };
+        }
         Self {
             latitude: self.latitude + ned.x / (r_n + self.height),
-            longitude: self.longitude + ned.y / ((r_e + self.height) * self.latitude.cos()),
+            longitude: self.longitude + ned.y / ((r_e + self.height) * cos),
             height: self.height - ned.z,
         }
     }
@@ -96,6 +177,12 @@ impl<T: Real> Geodetic<T> {
     /// antimeridian.
     pub fn ned_from(&self, origin: &Self) -> Vector3<T> {
         let (r_n, r_e) = radii_of_curvature(origin.latitude);
+        let cos = origin.latitude.cos();
+        if cos < convert(NEAR_POLE) {
+            let [north, east] = self.way_from(origin);
+            let down = origin.height - self.height;
+            return Vector3::new(north * (r_n + origin.height), east * (r_e + origin.height), down);
+        }
         let two_pi = T::two_pi();
         let mut d_lon = self.longitude - origin.longitude;
         if d_lon > T::pi() {
@@ -105,7 +192,7 @@ impl<T: Real> Geodetic<T> {
         }
         Vector3::new(
             (self.latitude - origin.latitude) * (r_n + origin.height),
-            d_lon * (r_e + origin.height) * origin.latitude.cos(),
+            d_lon * (r_e + origin.height) * cos,
             origin.height - self.height,
         )
     }

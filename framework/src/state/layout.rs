@@ -112,6 +112,8 @@ pub struct Layout {
     pub(crate) labels: usize,
     /// Velocities that turn with the heading.
     pub(crate) turning: Vec<Turning>,
+    /// Attitudes and velocities that are carried along with a position.
+    pub(crate) carried: Vec<Carried>,
     /// The bodies whose motion processes declare, in the order of composition.
     pub vehicles: Vec<Vehicle>,
     /// The bodies beside the vehicle.
@@ -251,4 +253,12 @@ impl State {
 pub(crate) struct Turning {
     pub velocity: usize,
     pub attitude: usize,
+}
+
+/// A position, and the attitude and velocity that are carried along with it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Carried {
+    pub position: usize,
+    pub attitude: usize,
+    pub velocity: usize,
 }

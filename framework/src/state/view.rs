@@ -2,7 +2,7 @@
 
 use crate::Real;
 use crate::state::block_set::BlockSet;
-use crate::state::layout::{AnyHandle, Handle, Layout, Past, Signal, State};
+use crate::state::layout::{AnyHandle, Carried, Handle, Layout, Past, Signal, State};
 use crate::state::manifold::{MAX_TANGENT, Manifold};
 use crate::state::transient::Transients;
 use crate::units::sample::Sample;
@@ -52,6 +52,10 @@ impl<'a> View<'a, f64> {
         value.copy_from_slice(&self.state.values[from.range()]);
         if block.slot == self.seeded {
             (from.operations.retract)(value, &self.delta[..from.operations.tangent]);
+        } else if let Some((carried, turn)) = self.carried(block.slot) {
+            let mut delta = [0.0; 3];
+            carried.change(block.slot, value, turn, &mut delta);
+            (from.operations.retract)(value, &delta);
         }
     }
 }
@@ -99,10 +103,28 @@ impl<'a, T: Real> View<'a, T> {
         }
         let value = M::load(&self.state.values[self.layout.blocks[handle.slot].range()]);
         if handle.slot == self.seeded {
-            M::retract(&value, &self.delta[..M::TANGENT])
-        } else {
-            value
+            return M::retract(&value, &self.delta[..M::TANGENT]);
         }
+        let Some((carried, turn)) = self.carried(handle.slot) else { return value };
+        let (mut coordinates, mut delta) = ([T::zero(); MAX_TANGENT], [T::zero(); MAX_TANGENT]);
+        M::coordinates(&value, &mut coordinates[..M::TANGENT]);
+        carried.change(handle.slot, &coordinates, turn, &mut delta);
+        M::retract(&value, &delta[..M::TANGENT])
+    }
+
+    /// Turn of a block that is carried along with the position, where the position is displaced. A
+    /// model that reads such a block reads the position, too.
+    #[inline]
+    fn carried(&self, slot: usize) -> Option<(&Carried, T)> {
+        if self.layout.carried.is_empty() {
+            return None;
+        }
+        let carried = self.layout.carrier(slot)?;
+        if let Some(read) = self.read {
+            read.borrow_mut().insert(carried.position);
+        }
+        let displaced = carried.position == self.seeded;
+        displaced.then(|| (carried, carried.turn(self.layout, &self.state.values, &self.delta)))
     }
 
     /// The value of a block at the previous sample of the sensor: see

@@ -3,6 +3,7 @@
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::display;
+use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
 use navfuse_core::state::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Mode};
 use proptest::prelude::*;
@@ -406,5 +407,35 @@ fn a_position_on_the_meridian_of_180_degrees_stays_there() {
     for (from, east) in [(PI, 1.0), (1e-6 - PI, -100.0)] {
         let moved = retract::<Position>(&at(from), &[0.0, east, 0.0])[1];
         assert!(moved * from < 0.0 && moved.abs() <= PI, "{moved}");
+    }
+}
+
+/// Across a pole a displacement leads to the meridian of the other side, and back: the rounding of an
+/// angle of 1.57 is 1 nm. A direction that is carried along turns by `tan(L) / R` for each metre to the
+/// east, to first order, and by half a turn across the pole.
+#[test]
+fn a_position_moves_across_a_pole_and_back() {
+    for sign in [1.0, -1.0] {
+        for from_pole in [1e-3, 1.0, 30.0, 2e4] {
+            let (_, r_e) = radii_of_curvature(FRAC_PI_2);
+            let latitude = sign * (FRAC_PI_2 - from_pole / r_e);
+            let here = Geodetic { latitude, longitude: 0.7, height: -20.0 };
+            for moved in [[2.0, 3.0], [-700.0, 20.0], [2.0 * from_pole * sign, 0.0], [0.0, 5.0]] {
+                let moved = Vector3::new(moved[0], moved[1], 4.0);
+                let there = here.displaced(&moved);
+                let back = there.ned_from(&here);
+                assert!((back - moved).norm() < 3e-8, "{from_pole}: {moved} {back}");
+                // the chord is as long, but for the curvature over 40 km
+                let chord = (there.earth_fixed() - here.earth_fixed()).norm();
+                assert!((chord / moved.norm() - 1.0).abs() < 1e-5, "{from_pole}: {chord} {moved}");
+            }
+            let across = here.displaced(&Vector3::new(2.0 * from_pole * sign, 0.0, 0.0));
+            let turned = [across.longitude - here.longitude, here.turn_to(&across)];
+            assert!(turned.iter().all(|t| (t.abs() - PI).abs() < 1e-5), "{turned:?}");
+            let east = here.displaced(&Vector3::new(0.0, 1e-4 * from_pole, 0.0));
+            let turn = here.turn_to(&east) * r_e / (1e-4 * from_pole * latitude.tan());
+            // rounding of the longitude of 1e-4 rad, and the second order
+            assert!((turn - 1.0).abs() < 1e-5, "{from_pole}: {turn}");
+        }
     }
 }

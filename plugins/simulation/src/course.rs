@@ -228,6 +228,7 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
             start = end;
             piece
         };
-        Ok(Self { origin, pieces: ends.into_iter().enumerate().map(stretch).collect() })
+        let pieces = ends.into_iter().enumerate().map(stretch).collect();
+        Ok(Self { origin, pieces, wanders: false })
     }
 }

@@ -1,8 +1,9 @@
 //! The values of a trajectory, in the order of time.
 
+use crate::carried::Place;
 use crate::phase::{Motion, Phase, Piece};
 use crate::trajectory::Trajectory;
-use nalgebra::{UnitQuaternion, Vector3, Vector4};
+use nalgebra::{UnitQuaternion, Vector3, Vector5};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
 
@@ -29,7 +30,8 @@ pub struct Kinematics {
     pub position: Geodetic,
     /// Velocity relative to the Earth, NED, m/s.
     pub velocity: Vector3<f64>,
-    /// Derivative of the velocity's components, m/s^2.
+    /// Derivative of the velocity's components, m/s^2; on a trajectory that wanders of those in carried
+    /// axes, turned to NED.
     pub acceleration: Vector3<f64>,
     /// Rotation from body to NED.
     pub c_b_n: UnitQuaternion<f64>,
@@ -37,7 +39,7 @@ pub struct Kinematics {
     pub euler: Vector3<f64>,
     /// Derivatives of roll, pitch and heading, rad/s.
     pub euler_rates: Vector3<f64>,
-    /// Angular rate of the body relative to NED, in the body, rad/s.
+    /// Angular rate of the body relative to NED, or to carried axes, in the body, rad/s.
     pub w_nb_b: Vector3<f64>,
     /// Angular rate of the body relative to inertial space, in the body, rad/s: the output of a
     /// perfect gyroscope.
@@ -48,8 +50,9 @@ pub struct Kinematics {
     pub distance: f64,
 }
 
-/// Latitude (rad), longitude (rad), height (m) and distance travelled (m).
-type Path = Vector4<f64>;
+/// Latitude (rad), longitude (rad), height (m), distance travelled (m) and zero; on a trajectory that
+/// wanders the rotation vector of its axes (rad), distance and height.
+type Path = Vector5<f64>;
 
 /// The path and its derivative at one node of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +87,11 @@ impl<P: Piece> Clone for Cursor<P> {
 impl<P: Piece> Cursor<P> {
     pub(crate) fn new(trajectory: Trajectory<P>) -> Self {
         let o = trajectory.origin;
-        let path = Path::new(o.latitude, o.longitude, o.height, 0.0);
+        let path = if trajectory.wanders {
+            Path::new(0.0, 0.0, 0.0, 0.0, o.height)
+        } else {
+            Path::new(o.latitude, o.longitude, o.height, 0.0, 0.0)
+        };
         let node = Node { path, rate: Path::zeros() };
         let mut cursor = Self { trajectory, piece: 0, cell: 0, from: node, to: node };
         cursor.from.rate = cursor.rate(0.0, &path);
@@ -104,14 +111,48 @@ impl<P: Piece> Cursor<P> {
         let phase = self.seek(time);
         let (euler, euler_rates) = phase.euler(time);
         let motion = phase.motion(time);
+        let c_b_n = UnitQuaternion::from_euler_angles(euler.x, euler.y, euler.z);
+        if self.trajectory.wanders {
+            return self.at_place(time, &path, &motion, (c_b_n, euler, euler_rates));
+        }
         let (rate, force) = inertial(&motion, &LocalEarth::at(path.x, path.z));
         Kinematics {
             time,
             position: Geodetic { latitude: path.x, longitude: path.y, height: path.z },
             velocity: motion.velocity,
             acceleration: motion.acceleration,
-            c_b_n: UnitQuaternion::from_euler_angles(euler.x, euler.y, euler.z),
+            c_b_n,
             euler,
+            euler_rates,
+            w_nb_b: motion.w_nb_b,
+            w_ib_b: motion.w_nb_b + motion.c_b_n.tr_mul(&rate),
+            specific_force: motion.c_b_n.tr_mul(&force),
+            distance: path.w,
+        }
+    }
+
+    /// Place of a path on a trajectory that wanders.
+    fn place(&self, path: &Path) -> Place {
+        Place::reached(&self.trajectory.origin, &path.fixed_rows::<3>(0).into(), path.a)
+    }
+
+    /// True motion on a trajectory that wanders, to the north.
+    fn at_place(
+        &self,
+        time: f64,
+        path: &Path,
+        motion: &Motion,
+        (c_b_w, euler, euler_rates): (UnitQuaternion<f64>, Vector3<f64>, Vector3<f64>),
+    ) -> Kinematics {
+        let place = self.place(path);
+        let (rate, force) = place.inertial(motion);
+        Kinematics {
+            time,
+            position: place.position,
+            velocity: place.northern(&motion.velocity),
+            acceleration: place.northern(&motion.acceleration),
+            c_b_n: place.attitude(&c_b_w),
+            euler: Vector3::new(euler.x, euler.y, place.heading(euler.z)),
             euler_rates,
             w_nb_b: motion.w_nb_b,
             w_ib_b: motion.w_nb_b + motion.c_b_n.tr_mul(&rate),
@@ -132,12 +173,16 @@ impl<P: Piece> Cursor<P> {
             // Latitude and height change by at most 1e-7 rad and 1 m, so their effect is linear,
             // and its mean is the effect at the middle.
             let path = self.path(middle);
+            let carried = self.trajectory.wanders.then(|| self.place(&path));
             let earth = LocalEarth::at(path.x, path.z);
             let phase = self.seek(t);
             let points = if phase.is_steady() { &CONSTANT[..] } else { &GAUSS[..] };
             for &(place, weight) in points {
                 let motion = phase.motion(middle + place * length);
-                let (rate, force) = inertial(&motion, &earth);
+                let (rate, force) = match &carried {
+                    Some(place) => place.inertial(&motion),
+                    None => inertial(&motion, &earth),
+                };
                 angle += (motion.w_nb_b + motion.c_b_n.tr_mul(&rate)) * (weight * length);
                 velocity += motion.c_b_n.tr_mul(&force) * (weight * length);
             }
@@ -196,8 +241,12 @@ impl<P: Piece> Cursor<P> {
     /// Derivative of the path (Groves eq. 2.111).
     fn rate(&mut self, time: f64, path: &Path) -> Path {
         let v = self.seek(time).velocity(time);
+        if self.trajectory.wanders {
+            let turned = self.place(path).slope(&path.fixed_rows::<3>(0).into(), &v);
+            return Path::new(turned.x, turned.y, turned.z, v.norm(), -v.z);
+        }
         let earth = LocalEarth::at(path.x, path.z);
-        Path::new(v.x * earth.inv_n, v.y * earth.inv_e * earth.inv_cos, -v.z, v.norm())
+        Path::new(v.x * earth.inv_n, v.y * earth.inv_e * earth.inv_cos, -v.z, v.norm(), 0.0)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Simulation of every sensor of a scenario on a trajectory, which is made of motion segments or
 //! written as a type of its own.
 
+mod carried;
 mod course;
 pub mod cursor;
 mod error;

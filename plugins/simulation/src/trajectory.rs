@@ -6,12 +6,13 @@ use crate::phase::{Phase, Piece, Pose};
 use crate::segment::{MAX_SPEED, SegmentConfig};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::{Angle, Latitude, Length, Longitude, Quantity, Speed};
+use navfuse_ins::Frame;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-/// Greatest latitude, deg: beyond it north and east change too fast for a vehicle.
+/// Greatest latitude, deg, of a motion to the north and to the east, which change too fast beyond it.
 pub(crate) const MAX_LATITUDE: f64 = 89.0;
 /// Greatest height above or depth below the ellipsoid, m.
 pub(crate) const MAX_HEIGHT: f64 = 1e5;
@@ -47,6 +48,9 @@ pub struct StartConfig {
     pub pitch: Angle,
     /// Forward speed.
     pub speed: Speed,
+    /// Axes of the motion: `north-east-down` (default), or `wander-azimuth`, those of the start carried
+    /// along: a leg of constant heading is straight then, and may lead through a pole.
+    pub frame: Frame,
 }
 
 impl Default for StartConfig {
@@ -60,6 +64,7 @@ impl Default for StartConfig {
             roll: zero,
             pitch: zero,
             speed: Speed::from_si(0.0),
+            frame: Frame::default(),
         }
     }
 }
@@ -96,11 +101,13 @@ pub struct Trajectory<P: Piece = Phase> {
     pub(crate) origin: Geodetic,
     /// Not empty; each starts where the one before ends, the first at zero.
     pub(crate) pieces: Arc<[P]>,
+    /// Set if the motion is in axes that are carried along.
+    pub(crate) wanders: bool,
 }
 
 impl<P: Piece> Clone for Trajectory<P> {
     fn clone(&self) -> Self {
-        Self { origin: self.origin, pieces: Arc::clone(&self.pieces) }
+        Self { pieces: Arc::clone(&self.pieces), ..*self }
     }
 }
 
@@ -111,13 +118,10 @@ impl Trajectory {
     /// When the table is empty, or a number is outside of the region in which the equations hold.
     pub fn new(config: &TrajectoryConfig) -> Result<Self, TrajectoryError> {
         let start = &config.start;
+        let wanders = start.frame == Frame::WanderAzimuth;
+        let (most, written) = if wanders { (90.0, "90 deg") } else { (MAX_LATITUDE, "89 deg") };
         let origin = Geodetic {
-            latitude: within(
-                "latitude",
-                start.latitude.angle(),
-                MAX_LATITUDE.to_radians(),
-                "89 deg",
-            )?,
+            latitude: within("latitude", start.latitude.angle(), f64::to_radians(most), written)?,
             longitude: within("longitude", start.longitude.angle(), TAU, "360 deg")?,
             height: within("height", start.height, MAX_HEIGHT, "100 km")?,
         };
@@ -146,13 +150,15 @@ impl Trajectory {
                     Err(TrajectoryError::Reach { number: i + 1, key, value, limit, unit })
                 }
             };
-            reach("latitude", latitude.to_degrees(), MAX_LATITUDE, "deg")?;
+            if !wanders {
+                reach("latitude", latitude.to_degrees(), MAX_LATITUDE, "deg")?;
+            }
             reach("height", height, MAX_HEIGHT, "m")?;
         }
         if phases.is_empty() {
             return Err(TrajectoryError::Empty);
         }
-        Ok(Self { origin, pieces: phases.into() })
+        Ok(Self { origin, pieces: phases.into(), wanders })
     }
 }
 

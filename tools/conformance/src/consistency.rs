@@ -36,6 +36,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     for (part, model) in lab.models() {
         report.add("nis", part.about, nis(&runs, part.index, model.channels(), assumes));
     }
+    report.next.extend(early(&runs, assumes));
     let layout = &lab.composition.layout;
     for (name, about) in names.iter().zip(parts) {
         let own = |b: &&Block| b.name.split('.').next() == Some(name);
@@ -62,6 +63,16 @@ struct Run {
     layout: Layout,
     /// Errors and covariance at the last epoch with a truth, and the blocks whose truth is known.
     last: Option<(Vec<f64>, Covariance, Vec<bool>)>,
+    /// NEES of all states whose truth is known, at each epoch with a truth.
+    course: Vec<Course>,
+}
+
+/// NEES at a time, s, with its degrees of freedom.
+#[derive(Clone, Copy, Debug)]
+struct Course {
+    time: f64,
+    nees: f64,
+    freedom: usize,
 }
 
 /// Runs the scenario with every seed, on all cores; the results are in the order of the seeds.
@@ -125,7 +136,7 @@ impl Sink for Run {
 
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let (nis, gated) = (vec![Vec::new(); info.sensors.len()], vec![0; info.sensors.len()]);
-        *self = Self { nis, gated, layout: info.layout.clone(), last: None };
+        *self = Self { nis, gated, layout: info.layout.clone(), ..Self::default() };
         Ok(())
     }
 
@@ -143,6 +154,14 @@ impl Run {
         if let Some(truth) = epoch.truth {
             let mut error = vec![0.0; epoch.layout.tangent];
             epoch.layout.error(truth.state, epoch.state, truth.known, &mut error);
+            let judged = |slot: &usize| truth.known[*slot] && random(&epoch.layout.blocks[*slot]);
+            let slots = (0..epoch.layout.blocks.len()).filter(judged);
+            let columns: Vec<usize> =
+                slots.flat_map(|slot| epoch.layout.blocks[slot].tangent_range()).collect();
+            if let Some(nees) = epoch.covariance.nees(&error, &columns) {
+                let (time, freedom) = (epoch.state.time.seconds(), columns.len());
+                self.course.push(Course { time, nees, freedom });
+            }
             self.last = Some((error, epoch.covariance.clone(), truth.known.to_vec()));
         }
         Ok(())
@@ -264,6 +283,38 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Fa
          covariance; check `predict` and `noise`, Phi and Q of a process, and that the simulator \
          applies the states as the model does"
     )))
+}
+
+/// Words about times at which the errors of the runs are above what their covariance allows, although
+/// they may agree at the end: a wide prior within which a model is curved. `None` if there are none.
+fn early(runs: &[Run], may_be_less: bool) -> Option<String> {
+    let epochs = runs.iter().map(|run| run.course.len()).min()?;
+    let mean = |k: usize| {
+        let at = runs.iter().map(|run| run.course[k]);
+        let (sum, freedom) = at.fold((0.0, 0), |(s, f), c| (s + c.nees, f + c.freedom));
+        let (_, [_, high]) = judge(sum, freedom, may_be_less)?;
+        Some((sum / freedom as f64, high))
+    };
+    // one epoch above its band may be chance
+    let above: Vec<(usize, f64)> = (0..epochs)
+        .filter_map(|k| mean(k).filter(|(mean, high)| mean > high).map(|(mean, _)| (k, mean)))
+        .collect();
+    let twice = above.windows(2).any(|pair| pair[1].0 == pair[0].0 + 1);
+    let worst = above.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|_| twice)?;
+    let time = |k: usize| runs[0].course[k].time;
+    let (first, last) = (above.first()?.0, above.last()?.0);
+    let freedom = runs[0].course[worst.0].freedom as f64;
+    Some(format!(
+        "overconfident from {:.1} s to {:.1} s, at worst at {:.1} s: mean NEES {:.1} of {freedom} in \
+         {} runs. A model is curved within the prior: try update = \"iekf\" or \"ukf\" for the sensor, \
+         or relinearise = \"{:.0} s\", or a narrower prior",
+        time(first),
+        time(last),
+        time(worst.0),
+        worst.1 * freedom,
+        runs.len(),
+        (2.0 * (time(last) - time(0))).max(1.0),
+    ))
 }
 
 fn singular(name: &str) -> String {

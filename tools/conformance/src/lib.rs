@@ -121,10 +121,17 @@ fn report_types(types: &Types, scenario: &str) -> Report {
                 consistency::check(&lab, &mut report);
             }
             streams::check(&lab, &mut report);
+            if lab.has_models() {
+                report.next.push(NEXT.to_owned());
+            }
         }
     }
     report
 }
+
+/// The last line of a report.
+const NEXT: &str = "the runs judge the end of this scenario alone: now `navfuse monte-carlo SCENARIO --runs 100` \
+                    with the widest prior and the longest dive that you expect";
 
 /// Reason why a check fails.
 #[derive(Debug)]
@@ -194,6 +201,8 @@ pub struct Finding {
 pub struct Report {
     /// Findings in the order of the checks.
     pub findings: Vec<Finding>,
+    /// What the checks do not decide, and what to do next.
+    pub next: Vec<String>,
 }
 
 impl Report {
@@ -223,7 +232,8 @@ impl fmt::Display for Finding {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.findings.iter().try_for_each(|finding| writeln!(f, "{finding}"))
+        self.findings.iter().try_for_each(|finding| writeln!(f, "{finding}"))?;
+        self.next.iter().try_for_each(|next| writeln!(f, "next  {next}"))
     }
 }
 

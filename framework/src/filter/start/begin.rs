@@ -23,6 +23,7 @@ impl Ekf {
         *state = self.layout.initial_state();
         state.signals = signals;
         state.time = time;
+        let mut drawn_from = state.clone();
         for (slot, block) in self.layout.blocks.iter().enumerate() {
             let referenced = truth.referenced(slot).filter(|_| from_reference);
             if let Some(truth) = referenced {
@@ -38,6 +39,7 @@ impl Ekf {
                     covariance.set(row, column, prior[(i, j)]);
                 }
             }
+            drawn_from.values[block.range()].copy_from_slice(&state.values[block.range()]);
             if let Some(random) = &mut start.draws
                 && referenced.is_some()
                 && let Some(delta) = displacement(block, &state.values, random)
@@ -45,6 +47,9 @@ impl Ekf {
                 let values = &mut state.values[block.range()];
                 (block.operations.retract)(values, &delta[..range.len()]);
             }
+        }
+        if start.draws.is_some() {
+            self.layout.carry(&drawn_from, state);
         }
         screening.begin_run();
         if self.composition.processes.iter().any(|p| p.searches) {

@@ -77,6 +77,7 @@ impl SensorType for AcousticRange {
         let arm = self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
         composer.mounted(Mounting::at(arm));
         Ok(Role::measurement(RangeModel {
+            near_pole: self.transponder.latitude.angle().si().cos() < NEAR_POLE,
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             transponder: Geodetic {
                 latitude: self.transponder.latitude.angle().si(),
@@ -96,11 +97,16 @@ impl SensorType for AcousticRange {
 /// m/s: an error of 3 % of the 2.7 m of a vehicle at 2 m/s and 1 km is 4 cm of half that way.
 const SOUND: f64 = 1500.0;
 
+/// Cosine of a latitude beyond which the meridians over 3 km are not parallel: at 89.5 deg by 3 deg.
+const NEAR_POLE: f64 = 0.0087;
+
 /// The measurement model of an [`AcousticRange`].
 #[derive(Clone, Debug)]
 struct RangeModel {
     navigation: Navigation,
     transponder: Geodetic,
+    /// Set if the meridians of vehicle and transponder differ by more than the displacement is known.
+    near_pole: bool,
     displacement: Handle<Vector<3>>,
     ratio: Ratio,
     lever_arm: Handle<Vector<3>>,
@@ -114,8 +120,16 @@ impl MeasurementModel<1> for RangeModel {
     /// The place of the ping is `p - v tau`, with the time `tau = 2 |p - q| / c` of the travel.
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         // lever arm and displacement are added as vectors, which metres resolve better than radians
-        let reply = line(&x.get(self.navigation.position), &self.transponder.cast())
-            + x.get(self.displacement)
+        let position = x.get(self.navigation.position);
+        let mut displacement = x.get(self.displacement);
+        if self.near_pole {
+            // north of the transponder is another direction than north of the vehicle
+            let (sin, cos) = self.transponder.cast().turn_to(&position).sin_cos();
+            let [north, east] = [displacement.x, displacement.y];
+            displacement.x = cos * north - sin * east;
+            displacement.y = sin * north + cos * east;
+        }
+        let reply = line(&position, &self.transponder.cast()) + displacement
             - x.get(self.navigation.attitude) * x.get(self.lever_arm);
         let travelled = reply.norm() * convert(2.0 / SOUND);
         let ping = reply + x.get(self.navigation.velocity) * travelled;

@@ -136,12 +136,13 @@ const NED: &[&str] = &["north", "east", "down"];
 
 impl ProcessType for Ship {
     const TYPE: &'static str = "ship";
+    const BESIDE: bool = true;
 
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
         let navigation = composer.input::<ShipNavigation>("navigation", &self.navigation)?.clone();
         if composer.vehicle().position.is_none() {
-            let text = "the process of the vehicle comes first, since its driving sensor gives the \
-                        pace: move this table behind it";
+            let text = "no process moves the vehicle, and its driving sensor gives the pace: add one, \
+                        such as [process.ins]";
             return Err(ComposeError::new("", text));
         }
         let place = Display { components: NED, ..display::LEVER_ARM };

@@ -117,7 +117,11 @@ impl Sink for Watch {
 }
 
 fn run(settings: &[&str]) -> (Finished, Watch) {
-    scenario(SCENARIO, settings, |scenario| {
+    run_text(SCENARIO, settings)
+}
+
+fn run_text(text: &str, settings: &[&str]) -> (Finished, Watch) {
+    scenario(text, settings, |scenario| {
         let mut assembly = scenario.assemble(None).unwrap();
         assembly.sinks.push(("watch".into(), Box::new(Watch::default())));
         let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
@@ -225,4 +229,21 @@ fn a_turning_ship_goes_in_a_circle() {
     assert!((across.norm() - 229.2).abs() < 0.1, "{across}");
     // to the right of a heading of 40 deg is 130 deg
     assert!((across.y.atan2(across.x).to_degrees() - 130.0).abs() < 0.01, "{across}");
+}
+
+/// The ship and its navigation stand before the vehicle and its IMU: the same estimates, to the bit.
+#[test]
+fn the_tables_stand_in_any_order() {
+    let table = |name: &str| {
+        let from = SCENARIO.find(name).unwrap();
+        let end = SCENARIO[from + 1..].find("\n[").map_or(SCENARIO.len(), |end| from + end + 2);
+        &SCENARIO[from..end]
+    };
+    let first = [table("[process.ship]"), table("[sensor.ship-navigation]")];
+    let rest = first.iter().fold(SCENARIO.to_owned(), |text, table| text.replace(table, ""));
+    let swapped = format!("{}\n{rest}", first.join("\n"));
+    assert!(swapped.find("[process.ship]") < swapped.find("[process.ins]"));
+    let short = ["estimator.stop=60 s"];
+    let [usual, swapped] = [SCENARIO, &swapped].map(|text| run_text(text, &short).1.bits);
+    assert_eq!(usual, swapped);
 }

@@ -98,7 +98,7 @@ impl Formulae {
         let begin = self.pending.dt;
         let rates = |time: f64| polynomial.rates(begin + time);
         let (next, rates) = advance(state, inc.dt, rates);
-        check(state, inc, &next)?;
+        check(state, inc, &next, true)?;
         self.remember(inc, sample_dt);
         Ok((next, rates))
     }
@@ -320,6 +320,7 @@ fn advance(state: &NavState, dt: f64, rates: impl Fn(f64) -> Rates) -> (NavState
         earth_rate: middle.earth.earth_rate(),
         transport_rate: middle.earth.transport_rate(&middle.velocity),
         earth: middle.earth,
+        turn: 0.0,
     };
     (NavState { c_b_n, velocity, position }, step)
 }

@@ -117,10 +117,15 @@ impl InitialPosition {
     /// # Errors
     /// When some of them are missing, or an angle is out of range.
     pub(crate) fn initial(&self) -> Result<Option<[f64; 3]>, ComposeError> {
+        self.initial_within(MAX_LATITUDE_DEG)
+    }
+
+    /// As [`Self::initial`], with a limit of the latitude, deg.
+    pub(crate) fn initial_within(&self, most: f64) -> Result<Option<[f64; 3]>, ComposeError> {
         let angles = (self.latitude.map(Latitude::angle), self.longitude.map(Longitude::angle));
         match (angles.0, angles.1, self.height) {
             (Some(latitude), Some(longitude), Some(height)) => {
-                within("position.latitude", latitude, MAX_LATITUDE_DEG)?;
+                within("position.latitude", latitude, most)?;
                 within("position.longitude", longitude, 360.0)?;
                 Ok(Some([latitude.si(), longitude.si(), height.si()]))
             }

@@ -41,16 +41,24 @@ pub struct MechanisationConfig {
 pub struct MechanisationKey(pub MechanisationConfig);
 
 impl MechanisationKey {
-    /// Creates the integrator.
-    pub(crate) fn integrator(self) -> Result<Integrator, ComposeError> {
+    /// Creates the integrator, in axes of north, east and down or in those of the wander azimuth.
+    pub(crate) fn integrator(self, wanders: bool) -> Result<Integrator, ComposeError> {
         let MechanisationConfig { method, samples } = self.0;
         let wrong = |text: String| ComposeError::new("mechanisation.samples", text);
         match (method, samples) {
+            (MechanisationMethod::TwoSample, None) if wanders => {
+                Ok(Integrator::TwoSample(Mechanisation::wander_azimuth()))
+            }
             (MechanisationMethod::TwoSample, None) => Ok(Integrator::default()),
             (MechanisationMethod::TwoSample, Some(_)) => Err(wrong(
                 "two-sample has always two samples; remove the key, or choose method = \
                  \"integration-formulae\""
                     .to_owned(),
+            )),
+            (MechanisationMethod::IntegrationFormulae, _) if wanders => Err(ComposeError::new(
+                "mechanisation",
+                "the integration formulae are those of north-east-down axes: remove the key, or \
+                 frame = \"wander-azimuth\"",
             )),
             (MechanisationMethod::IntegrationFormulae, samples) => {
                 let samples = samples.unwrap_or(2);
@@ -130,7 +138,7 @@ impl Integrator {
     /// Forgets the samples so far, as after a gap.
     pub fn restart(&mut self) {
         match self {
-            Self::TwoSample(mechanisation) => *mechanisation = Mechanisation::default(),
+            Self::TwoSample(mechanisation) => mechanisation.restart(),
             Self::Formulae(formulae) => formulae.restart(),
         }
     }

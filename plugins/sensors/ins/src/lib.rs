@@ -24,6 +24,7 @@ mod screening;
 mod strapdown;
 #[cfg(test)]
 mod testing;
+pub mod wander;
 
 pub use coast::Coast;
 pub use errors::{Axes, GSensitivities, Scales};
@@ -34,6 +35,7 @@ pub use integrator::{MechanisationConfig, MechanisationKey, MechanisationMethod}
 pub use navigation::{Navigation, VelocityDerivative, default_name};
 pub use reference::ReferenceSolution;
 pub use strapdown::Strapdown;
+pub use wander::Frame;
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -15,7 +15,8 @@ use thiserror::Error;
 
 use crate::earth::{LatitudeNode, LocalEarth};
 
-/// Largest latitude, degrees, north or south: north-east-down axes do not exist at the poles.
+/// Largest latitude, degrees, north or south, without the frame `wander-azimuth`: north-east-down axes
+/// do not exist at the poles.
 pub const MAX_LATITUDE_DEG: f64 = 89.9;
 
 /// Attitude, velocity and position.
@@ -64,10 +65,12 @@ pub struct StepRates {
     pub velocity: Vector3<f64>,
     /// Earth rate `w_ie^n`, rad/s.
     pub earth_rate: Vector3<f64>,
-    /// Transport rate `w_en^n`, rad/s.
+    /// Transport rate `w_en^n`, rad/s; in a wander-azimuth step without its vertical part.
     pub transport_rate: Vector3<f64>,
     /// The ellipsoid and gravity at the midpoint.
     pub earth: LocalEarth,
+    /// Turn of north and east from axes that are carried along, over a wander-azimuth step, rad.
+    pub turn: f64,
 }
 
 /// Error of a step.
@@ -86,7 +89,7 @@ pub enum MechanisationError {
     /// The latitude is too near a pole for north-east-down navigation.
     #[error(
         "the latitude reached {degrees:.4} deg: north-east-down navigation ends at 89.9 deg north \
-         and south"
+         and south; frame = \"wander-azimuth\" of the process has no such end"
     )]
     Latitude {
         /// The latitude, degrees.
@@ -118,11 +121,27 @@ pub struct Mechanisation {
     /// The parts taken so far of the sample that is not complete.
     pending: Option<Increments>,
     node: Option<LatitudeNode>,
+    /// Set if the axes of a step are carried along with the position, and do not turn to the north.
+    wanders: bool,
 }
 
-saved!(Mechanisation { previous, pending, node });
+saved!(Mechanisation { previous, pending, node } except { wanders });
 
 impl Mechanisation {
+    /// Creates an integrator whose steps are taken in axes that do not turn about the vertical with
+    /// respect to the Earth (wander azimuth, Groves section 5.3.5, with `w_en,D = 0`). They begin at
+    /// north, east and down of each step, and the state is turned to north, east and down of its end:
+    /// so the steps lead through a pole.
+    #[must_use]
+    pub fn wander_azimuth() -> Self {
+        Self { wanders: true, ..Self::default() }
+    }
+
+    /// Forgets the samples so far, as after a gap.
+    pub(crate) fn restart(&mut self) {
+        *self = Self { wanders: self.wanders, ..Self::default() };
+    }
+
     /// Advances a state by one whole inertial sample.
     ///
     /// # Errors
@@ -160,8 +179,12 @@ impl Mechanisation {
             Some(node) if node.is_nearest(latitude) => node,
             _ => LatitudeNode::near(latitude),
         };
-        let (next, rates) = advance(state, &rotation, &dvel, inc.dt, &node);
-        check(state, inc, &next)?;
+        let (next, rates) = if self.wanders {
+            advance::<true>(state, &rotation, &dvel, inc.dt, &node)
+        } else {
+            advance::<false>(state, &rotation, &dvel, inc.dt, &node)
+        };
+        check(state, inc, &next, !self.wanders)?;
         self.node = Some(node);
         self.remember(inc, sample_dt);
         Ok((next, rates))
@@ -262,9 +285,10 @@ impl Rotation {
 }
 
 /// Advances a state by one interval at constant body rates; the rotation vector and velocity
-/// increment already include coning and sculling. `node` is the nearest one to the latitude.
+/// increment already include coning and sculling. `node` is the nearest one to the latitude. The axes
+/// of a step that `WANDERS` do not turn about the vertical.
 #[inline(always)]
-fn advance(
+fn advance<const WANDERS: bool>(
     state: &NavState,
     phi: &Vector3<f64>,
     dvel: &Vector3<f64>,
@@ -306,14 +330,18 @@ fn advance(
     // predictor lacks the Coriolis acceleration and the rotation of the axes; the corrector adds
     // them.
     let predicted = state.velocity + dr_f + gravity * 0.5;
-    let rate = earth_rate + earth.transport_rate(&predicted);
+    let transport_rate = |velocity| {
+        let rate = earth.transport_rate(velocity);
+        if WANDERS { Vector3::new(rate.x, rate.y, 0.0) } else { rate }
+    };
+    let rate = earth_rate + transport_rate(&predicted);
     let velocity =
         predicted - (rate + earth_rate).cross(&predicted) * half - rate.cross(&dv_f) * (F3 * dt);
 
     // Velocity (Groves eqs 5.53 and 5.54, Coriolis and gravity at the midpoint). Meanwhile the axes
     // rotate by zeta, which weights the force by the elapsed time; `int_0^1 u exp(K u) du` is the
     // difference of the two integrals above.
-    let transport_rate = earth.transport_rate(&velocity);
+    let transport_rate = transport_rate(&velocity);
     let rate = earth_rate + transport_rate;
     let zeta = rate * dt;
     let dv_n = dv_f - zeta.cross(&(dv_f - dr_f - zeta.cross(&dv_f) * F3));
@@ -326,6 +354,28 @@ fn advance(
     let axes = Quaternion::from_parts(1.0 - 0.125 * zeta2, zeta * (-0.5 + 0.5 * F4 * zeta2));
     let q = axes * (state.c_b_n.into_inner() * turn.quaternion);
     let c_b_n = UnitQuaternion::new_unchecked(q * (1.5 - 0.5 * q.norm_squared()));
+
+    if WANDERS {
+        // along the great circle of the mean velocity, to north and east of its end
+        let (north, east) = (velocity.x * earth.inv_n * dt, velocity.y * earth.inv_e * dt);
+        let moved = position.along(north, east);
+        let longitude = wrapped(moved.longitude);
+        let position = Geodetic { longitude, height: position.height - velocity.z * dt, ..moved };
+        let turn = state.position.turn_to(&position);
+        let to_north = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+        let rates = StepRates {
+            dt,
+            c_b_n: mean,
+            specific_force: dv_n * (1.0 / dt),
+            velocity,
+            earth_rate,
+            transport_rate,
+            earth,
+            turn,
+        };
+        let velocity = to_north * new_velocity;
+        return (NavState { c_b_n: to_north * c_b_n, velocity, position }, rates);
+    }
 
     // Position (Groves eq. 5.56 with the mean velocity and the midpoint's radii).
     let longitude = position.longitude + velocity.y * earth.inv_e * earth.inv_cos * dt;
@@ -342,6 +392,7 @@ fn advance(
         earth_rate,
         transport_rate,
         earth,
+        turn: 0.0,
     };
     (NavState { c_b_n, velocity: new_velocity, position }, rates)
 }
@@ -362,12 +413,13 @@ pub(crate) fn check_length(inc: &Increments, sample_dt: f64) -> Result<(), Mecha
     Ok(())
 }
 
-/// Rejects the result of a step that is not finite or too near a pole.
+/// Rejects the result of a step that is not finite or, of a step in axes to the north, too near a pole.
 #[inline(always)]
 pub(crate) fn check(
     state: &NavState,
     inc: &Increments,
     next: &NavState,
+    to_north: bool,
 ) -> Result<(), MechanisationError> {
     let p = &next.position;
     // A sum is finite only if all of its terms are.
@@ -375,7 +427,7 @@ pub(crate) fn check(
     if !sum.is_finite() {
         return Err(not_finite(state, inc));
     }
-    if p.latitude.abs() > MAX_LATITUDE_DEG.to_radians() {
+    if to_north && p.latitude.abs() > MAX_LATITUDE_DEG.to_radians() {
         return Err(MechanisationError::Latitude { degrees: p.latitude.to_degrees() });
     }
     Ok(())

@@ -153,7 +153,7 @@ fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
             position: geodetic(0.0, 0.0, 0.0),
         };
         // The specific force's part alone: `mean * dvel`.
-        velocity += (advance(&still, &inc.dtheta, &dvel, 1.0, &node).1.c_b_n * dvel).y;
+        velocity += (advance::<false>(&still, &inc.dtheta, &dvel, 1.0, &node).1.c_b_n * dvel).y;
     }
     // - mean of sin(a sin Wt) sin Wt = -J1(a) = -a/2 (1 - a^2/8) to 1e-10 of itself for a = 0.01.
     velocity / steps as f64 + angle / 2.0 * (1.0 - angle * angle / 8.0)

@@ -10,11 +10,12 @@ use crate::grade::Grade;
 use crate::imu::{Imu, SimulatedImu};
 use crate::initial::{InitialPosition, InitialValue, spec, start};
 use crate::integrator::{Integrator, MechanisationKey};
-use crate::mechanisation::{Increments, NavState};
+use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, NavState};
 use crate::monitor::ImuMonitor;
 use crate::navigation::Navigation;
 use crate::places::Places;
 use crate::rates::{LastRates, Rates};
+use crate::wander::{self, Frame, FramePlaces, WanderPlaces};
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::compose::Composer;
@@ -52,6 +53,9 @@ pub struct Strapdown {
     /// a table with that `method` and its keys.
     #[serde(default)]
     pub mechanisation: MechanisationKey,
+    /// Axes of the errors: `north-east-down` (default), or `wander-azimuth`, which leads through a pole.
+    #[serde(default)]
+    pub frame: Frame,
     /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not
     /// used with an alignment.
     pub attitude: Option<InitialValue<Triple<Angle>>>,
@@ -91,7 +95,13 @@ impl ProcessType for Strapdown {
         let course = (self.alignment.0.method == AlignmentMethod::Course)
             .then(|| CourseSettings::new(&self.alignment.0, bias));
         let p = &self.position;
-        let position = p.initial()?;
+        let wanders = self.frame == Frame::WanderAzimuth;
+        let position = p.initial_within(if wanders { 90.0 } else { MAX_LATITUDE_DEG })?;
+        if wanders && imu.coast.is_some() {
+            let text = "a process that coasts has axes of north, east and down: remove it, or coast of \
+                        its IMU";
+            return Err(ComposeError::new("frame", text));
+        }
         // an alignment finds roll and pitch from the IMU itself, which cannot contradict them
         let tilt_prior =
             self.attitude.filter(|_| settings.is_none() && course.is_none()).map(|a| {
@@ -127,7 +137,12 @@ impl ProcessType for Strapdown {
             angular_rate: Some(angular_rate),
             ..Navigation::provide(composer, attitude, velocity, position)
         };
-        let places = Places::new(composer, &navigation, gravity, &self.imu);
+        let places = if wanders {
+            composer.carries(position, attitude, velocity);
+            FramePlaces::Wander(WanderPlaces::new(composer, &navigation, gravity, &self.imu))
+        } else {
+            FramePlaces::North(Places::new(composer, &navigation, gravity, &self.imu))
+        };
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
             let channels = Channel::all(ZeroVelocity::CHANNELS);
             composer.constraint(ZeroVelocity::NAME, channels, model);
@@ -151,7 +166,7 @@ impl ProcessType for Strapdown {
         let accel = imu.accel_noise();
         let isotropic =
             gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
-        let mechanisation = self.mechanisation.integrator()?;
+        let mechanisation = self.mechanisation.integrator(wanders)?;
         let screening = imu.screening();
         let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
         let rates = LastRates::default();
@@ -191,7 +206,7 @@ struct StrapdownModel {
     imu: Imu,
     navigation: Navigation,
     gravity: Option<Handle<Vector<3>>>,
-    places: Places,
+    places: FramePlaces,
     mechanisation: Integrator,
     isotropic: bool,
     /// Rates of the current sample and of the one before.
@@ -263,6 +278,27 @@ impl StrapdownModel {
         q
     }
 
+    /// Noise of attitude and velocity over a part `dt` of an interval, in navigation axes.
+    #[inline(always)]
+    fn noises(
+        &self,
+        c_b_n: &Matrix3<f64>,
+        input: Input<'_>,
+        dt: f64,
+        usual: f64,
+        duration: f64,
+    ) -> [Matrix3<f64>; 2] {
+        let (gyro, accel) = (self.imu.gyro_noise(), self.imu.accel_noise());
+        let q_phi = self.noise(c_b_n, gyro, self.imu.gyro_step(), dt, duration);
+        let q_v = self.noise(c_b_n, accel, self.imu.accel_step(), dt, duration);
+        if usual < duration || input.spread.is_some() {
+            let more = self.doubt(c_b_n, input.spread, dt, usual, duration);
+            [q_phi + more[0], q_v + more[1]]
+        } else {
+            [q_phi, q_v]
+        }
+    }
+
     /// Publishes the angular rate at a time, for the sensors that read it then.
     #[inline(always)]
     fn publish(&self, state: &mut State, at: Time) {
@@ -295,11 +331,11 @@ impl ProcessModel for StrapdownModel {
     ) -> Result<(), ProcessError> {
         let dt = interval.duration();
         let Some(input) = interval.input else {
-            let Some(coast) = self.imu.coast else {
+            let (Some(coast), FramePlaces::North(places)) = (self.imu.coast, &self.places) else {
                 return Err(ProcessError::input("no IMU sample covers this time"));
             };
             self.mechanisation.restart();
-            coast.propagate(&self.navigation, &self.places, layout, state, dt, out);
+            coast.propagate(&self.navigation, places, layout, state, dt, out);
             return Ok(());
         };
         let gap = self.imu.max_gap.value().si();
@@ -344,8 +380,18 @@ impl ProcessModel for StrapdownModel {
             next.position.height,
         ]);
         self.publish(state, interval.to);
+        // w = share z - b_g and f = share z - b_a: a channel acts as a bias of the other sign
+        let share = self.imu.share(usual);
+        let s = match &self.places {
+            FramePlaces::North(places) => places,
+            FramePlaces::Wander(places) => {
+                let phi = wander::transition(&rates);
+                places.fill(&phi, share, out);
+                places.noise(&self.noises(&phi.c_b_n, input, dt, usual, duration), out);
+                return Ok(());
+            }
+        };
         let phi = transition(&rates);
-        let s = &self.places;
         out.set(s.phi_phi, &phi.phi_phi);
         out.set(s.phi_v, &phi.phi_v);
         out.set(s.phi_p[0], &phi.phi_p[0]);
@@ -359,23 +405,13 @@ impl ProcessModel for StrapdownModel {
         out.set_diagonal(s.p_v, &[dt; 3]);
         out.set_diagonal(s.v_g, &[dt; 3]);
         out.set(s.p_p, &phi.p_p);
-        // w = share z - b_g and f = share z - b_a: a channel acts as a bias of the other sign
-        let share = self.imu.share(usual);
         if out.has_inputs() {
             out.set_input(s.phi_gyro, &(phi.phi_bg * -share));
             out.set_input(s.v_accel, &(phi.v_ba * -share));
         }
-        let (gyro, accel) = (self.imu.gyro_noise(), self.imu.accel_noise());
-        let q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
-        let q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
-        if usual < duration || input.spread.is_some() {
-            let more = self.doubt(&rates.c_b_n, input.spread, dt, usual, duration);
-            out.set_noise(s.q_phi, &(q_phi + more[0]));
-            out.set_noise(s.q_v, &(q_v + more[1]));
-        } else {
-            out.set_noise(s.q_phi, &q_phi);
-            out.set_noise(s.q_v, &q_v);
-        }
+        let [q_phi, q_v] = self.noises(&rates.c_b_n, input, dt, usual, duration);
+        out.set_noise(s.q_phi, &q_phi);
+        out.set_noise(s.q_v, &q_v);
         Ok(())
     }
 

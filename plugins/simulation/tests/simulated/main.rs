@@ -16,6 +16,7 @@ mod late;
 mod navigation;
 mod noise_free;
 mod past;
+mod polar;
 mod pooled;
 mod time_offset;
 

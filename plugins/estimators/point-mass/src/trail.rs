@@ -1,0 +1,111 @@
+//! The track of the filter without the curved sensors, and a displaced copy of it as the trajectory at
+//! which the filter linearises.
+
+use navfuse_core::compose::course::Course;
+use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::state::covariance::{Covariance, Transition, Update};
+use navfuse_core::state::manifold::Position;
+use navfuse_core::state::{Handle, Layout, State};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+use std::io;
+use std::sync::Arc;
+
+/// The states after each step.
+#[derive(Clone, Default)]
+pub(crate) struct Trail {
+    times: Vec<Time>,
+    values: Vec<f64>,
+}
+
+impl Trail {
+    pub fn clear(&mut self) {
+        self.times.clear();
+        self.values.clear();
+    }
+
+    fn push(&mut self, state: &State) {
+        self.times.push(state.time);
+        self.values.extend_from_slice(&state.values);
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.times.is_empty()
+    }
+}
+
+/// A trail whose positions are displaced to the north and to the east.
+pub(crate) struct Displaced {
+    pub trail: Arc<Trail>,
+    pub layout: Arc<Layout>,
+    pub position: Handle<Position>,
+    pub offset: [f64; 2],
+}
+
+impl Course for Displaced {
+    fn read(&mut self, mut place: u64, time: Time, values: &mut [f64]) -> io::Result<Option<u64>> {
+        let times = &self.trail.times;
+        while let Some(at) = times.get(place as usize).filter(|at| **at <= time) {
+            let row = place as usize * values.len();
+            place += 1;
+            if *at == time {
+                values.copy_from_slice(&self.trail.values[row..row + values.len()]);
+                displace(&self.layout, self.position, values, self.offset);
+                return Ok(Some(place));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Displaces the position of a state to the north and to the east, m.
+pub(crate) fn displace(
+    layout: &Layout,
+    position: Handle<Position>,
+    values: &mut [f64],
+    [north, east]: [f64; 2],
+) {
+    let block = layout.block(position);
+    (block.operations.retract)(&mut values[block.range()], &[north, east, 0.0]);
+}
+
+/// Follows the filter into a trail, and shows everything to the observer of the run.
+pub(crate) struct Following<'a> {
+    pub trail: &'a mut Trail,
+    pub observer: &'a mut dyn Observer,
+}
+
+impl Observer for Following<'_> {
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.observer.epoch(epoch);
+    }
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.observer.update(update);
+    }
+    fn transition(&mut self, transition: &Transition) {
+        self.observer.transition(transition);
+    }
+    fn correction(&mut self, update: &Update) {
+        self.observer.correction(update);
+    }
+    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+        self.trail.push(state);
+        self.observer.moved(state, covariance, offset);
+    }
+    fn corrected(&mut self, offset: &[f64]) {
+        self.observer.corrected(offset);
+    }
+    fn gated(&mut self, update: &Update) {
+        self.observer.gated(update);
+    }
+    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        self.observer.input(sample, rejected);
+    }
+    fn event(&mut self, event: Event) {
+        self.observer.event(event);
+    }
+    fn finding(&mut self, finding: Finding) {
+        self.observer.finding(finding);
+    }
+}
