@@ -53,6 +53,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
         .add(&navfuse_links::LinksPlugin)
         .add(&navfuse_dds::DdsPlugin)
+        .add(&navfuse_foxglove::FoxglovePlugin)
         .add(&navfuse_mcap::McapPlugin)
         .add(&navfuse_ros2::Ros2Plugin)
         .add(&navfuse_observability::ObservabilityPlugin);

@@ -94,6 +94,7 @@ const FOLDERS: [(&str, &[&str]); 8] = [
     ("instruments", &[]),
     ("links", &["formats", "instruments"]),
     ("dds", &["formats", "instruments", "links"]),
+    ("foxglove", &["formats"]),
     ("simulation", &["sensors"]),
     ("viewer", &[]),
 ];

@@ -20,6 +20,17 @@ pub struct Topic {
     pub sequence: u32,
 }
 
+/// A topic as it is announced, in the order of the channels.
+#[derive(Clone, Debug)]
+pub struct Definition {
+    /// Name of the topic.
+    pub topic: String,
+    /// Type of its messages, which are in CDR.
+    pub schema: Schema,
+    /// What is known about the topic, by name.
+    pub metadata: BTreeMap<String, String>,
+}
+
 /// The schemas and channels of a file, as records.
 #[derive(Debug, Default)]
 pub struct Definitions {
@@ -28,13 +39,14 @@ pub struct Definitions {
     names: Vec<&'static str>,
     /// The channels, in the order of their ids.
     pub channels: Vec<u8>,
-    count: u16,
+    /// The channels, in the same order.
+    pub listed: Vec<Definition>,
 }
 
 impl Definitions {
     /// Number of schemas and of channels.
     pub fn counts(&self) -> [u16; 2] {
-        [self.names.len() as u16, self.count]
+        [self.names.len() as u16, self.listed.len() as u16]
     }
 
     /// Adds a topic.
@@ -50,7 +62,7 @@ impl Definitions {
         metadata: &BTreeMap<String, String>,
     ) -> Topic {
         let id = self.schema(schema);
-        let channel = self.count;
+        let channel = self.listed.len() as u16;
         record(&mut self.channels, op::CHANNEL, |out| {
             u16(out, channel);
             u16(out, id);
@@ -58,7 +70,8 @@ impl Definitions {
             text(out, "cdr");
             texts(out, metadata);
         });
-        self.count += 1;
+        let (topic, schema, metadata) = (name.to_owned(), *schema, metadata.clone());
+        self.listed.push(Definition { topic, schema, metadata });
         Topic { channel, sequence: 0 }
     }
 

@@ -67,6 +67,7 @@ mod lanes;
 mod layout;
 mod log;
 mod message;
+mod messages;
 mod motion;
 mod pause;
 mod pose;
@@ -80,14 +81,18 @@ mod topics;
 mod writer;
 
 pub use bag::BagSink;
+pub use chunk::Definition;
 pub use file::Compression;
 pub use log::{LogInfo, read_scenario};
 pub use message::{Diagnosis, Encoder, Health, Stamp};
+pub use messages::Messages;
 pub use motion::{Motion, Moved};
 pub use pose::{Link, Pose, Velocity};
 pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, RejectionEntry, SensorEntry};
+pub use schema::Schema;
 pub use sink::{Mcap, McapSink};
 pub use source::{McapLog, McapSource};
+pub use writer::Outlet;
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -1,19 +1,14 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::chunk::Definitions;
 use crate::file::{Compression, LogFile};
 use crate::layout;
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
-use crate::message::Stamp;
+use crate::messages::Messages;
 use crate::pause::Pause;
-use crate::topics::Topics;
 use crate::writer::LogWriter;
 use navfuse_core::files::{WholeFile, numbered, part_of, write_whole};
-use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{
-    Derived, Epoch, Event, InputRejection, Level, Record, UpdateRecord,
-};
+use navfuse_core::model::record::{Event, Level, Record};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -136,7 +131,8 @@ impl McapSink {
                 let mut recording = Recording::begin(file, self.compression, run, now, part)
                     .map_err(|e| failure(&self.path, e))?;
                 for event in std::mem::take(&mut self.held) {
-                    recording.event(&event).map_err(|e| failure(&self.path, e))?;
+                    let event = Record::Event(&event);
+                    recording.messages.take(&event).map_err(|e| failure(&self.path, e))?;
                 }
                 recording
             }
@@ -147,13 +143,13 @@ impl McapSink {
     fn record(
         &mut self,
         now: Time,
-        write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
+        write: impl FnOnce(&mut Messages) -> Result<(), StreamFailure>,
     ) -> Result<(), StreamError> {
         if self.pause.is_some() {
             return Ok(());
         }
         let recorded = match self.recording(now) {
-            Ok(recording) => write(recording).map_err(|e| failure(&self.path, e)),
+            Ok(recording) => write(&mut recording.messages).map_err(|e| failure(&self.path, e)),
             Err(error) => Err(error),
         };
         recorded.or_else(|error| self.fail(now, error))
@@ -200,18 +196,18 @@ impl McapSink {
         let Limits { age, bytes } = self.limits;
         let due = self.recording.as_ref().is_some_and(|r| {
             age.is_some_and(|age| sample.time - r.begin >= age)
-                || bytes.is_some_and(|bytes| r.log.length() >= bytes)
+                || bytes.is_some_and(|bytes| r.messages.log.length() >= bytes)
         });
         if due && let Err(error) = self.next_file() {
             return self.fail(sample.time, error);
         }
-        self.record(sample.time, |r| r.sample(sample))
+        self.write(sample.time, &Record::Sample(sample))
     }
 
     /// Completes the file, and creates the next one; no file without a sample is completed.
     fn next_file(&mut self) -> Result<(), StreamError> {
-        let Some(recording) = self.recording.take() else { return Ok(()) };
-        recording.finish().map_err(|e| failure(&self.path, e))?;
+        let Some(mut recording) = self.recording.take() else { return Ok(()) };
+        recording.messages.log.finish().map_err(|e| failure(&self.path, e))?;
         self.number += 1;
         let path = numbered(&self.path, self.number);
         let file = WholeFile::create(&path).map_err(|e| StreamError::sink(Mcap::TYPE, path, e))?;
@@ -240,19 +236,13 @@ impl Sink for McapSink {
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
             Record::Sample(sample) => self.sample(sample),
-            Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
-            Record::Filtered(epoch) => self.record(epoch.state.time, |r| r.filtered(epoch)),
-            Record::Update(update) => self.record(update.time, |r| r.update(update)),
             Record::Event(event) => self.event(event),
-            Record::InputRejection(rejection) => {
-                self.record(rejection.time, |r| r.rejection(rejection))
-            }
-            Record::Finding(finding) => {
-                self.event(&finding.event())?;
-                self.record(finding.time, |r| r.finding(finding))
-            }
-            Record::Derived(derived) => self.record(derived.time, |r| r.derived(derived)),
             Record::Verdict(verdict) => self.verdict(verdict),
+            Record::Epoch(epoch) | Record::Filtered(epoch) => self.write(epoch.state.time, record),
+            Record::Update(update) => self.write(update.time, record),
+            Record::InputRejection(rejection) => self.write(rejection.time, record),
+            Record::Finding(finding) => self.write(finding.time, record),
+            Record::Derived(derived) => self.write(derived.time, record),
             _ => Ok(()),
         }
     }
@@ -266,8 +256,8 @@ impl Sink for McapSink {
             return Err(pause.cause);
         }
         self.recording(Time::default())?;
-        if let Some(recording) = self.recording.take() {
-            recording.finish().map_err(|e| failure(&self.path, e))?;
+        if let Some(mut recording) = self.recording.take() {
+            recording.messages.log.finish().map_err(|e| failure(&self.path, e))?;
         }
         if let Some(run) = &self.run {
             let path = layout::beside(&self.path);
@@ -286,6 +276,11 @@ impl Sink for McapSink {
 }
 
 impl McapSink {
+    /// Writes the messages of a record.
+    fn write(&mut self, now: Time, record: &Record<'_>) -> Result<(), StreamError> {
+        self.record(now, |messages| messages.take(record))
+    }
+
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         if self.recording.is_none() {
             if self.pause.is_none() {
@@ -293,15 +288,15 @@ impl McapSink {
             }
             return Ok(());
         }
-        self.record(event.time, |r| r.event(event))
+        self.write(event.time, &Record::Event(event))
     }
 
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
         let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
         let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
-        self.record(Time::default(), |r| {
-            r.verdict(verdict)?;
-            r.metadata(VERDICT, metadata)
+        self.record(Time::default(), |messages| {
+            messages.take(&Record::Verdict(verdict))?;
+            messages.log.metadata(VERDICT, metadata)
         })
     }
 }
@@ -309,8 +304,7 @@ impl McapSink {
 /// A log to which messages are being written.
 #[derive(Debug)]
 struct Recording {
-    log: LogWriter,
-    topics: Topics,
+    messages: Messages,
     begin: Time,
 }
 
@@ -339,84 +333,14 @@ impl Recording {
             entries.push(("run_first_ns", first.nanos().to_string()));
         }
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
-        let mut definitions = Definitions::default();
-        let topics = Topics::open(&mut definitions, run);
         let start = u64::try_from(begin.nanos().saturating_add(offset)).unwrap_or(0);
         let head = |file: &mut LogFile<WholeFile>| {
             file.metadata(METADATA, &metadata)?;
             file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())
         };
-        let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
-        log.latest = begin;
-        Ok(Self { log, topics, begin })
-    }
-
-    /// Completes the file, which then takes its name.
-    fn finish(mut self) -> Result<(), StreamFailure> {
-        self.log.finish()
-    }
-
-    /// Writes texts by their names, after all messages so far.
-    fn metadata(
-        &mut self,
-        name: &'static str,
-        entries: BTreeMap<String, String>,
-    ) -> Result<(), StreamFailure> {
-        self.log.metadata(name, entries)
-    }
-
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
-        self.topics.sensors[sample.sensor.0].sample(&mut self.log, sample)?;
-        self.topics.lanes.sample(&mut self.log, sample)
-    }
-
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.topics.estimate.epoch(&mut self.log, epoch)?;
-        self.topics.shown.epoch(&mut self.log, epoch)?;
-        self.topics.lanes.tick(&mut self.log, epoch.state.time, false)
-    }
-
-    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamFailure> {
-        let at = self.stamp(Time::MIN)?;
-        self.topics.shown.verdict(&mut self.log, at, verdict)
-    }
-
-    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.topics.filtered.epoch(&mut self.log, epoch)?;
-        self.topics.lanes.tick(&mut self.log, epoch.state.time, true)
-    }
-
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
-        self.topics.sensors[update.sensor.0].update(&mut self.log, update)?;
-        self.topics.lanes.update(&mut self.log, update)
-    }
-
-    /// Writes an event. An event from before the clock was known has the latest logged time.
-    fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
-        let (time, stamp) = self.stamp(event.time)?;
-        self.log.send(&mut self.topics.events, time, |m| m.log(stamp, event))
-    }
-
-    fn finding(&mut self, finding: &Finding) -> Result<(), StreamFailure> {
-        let (time, stamp) = self.stamp(finding.time)?;
-        self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))?;
-        self.topics.lanes.finding(&mut self.log, finding)
-    }
-
-    fn derived(&mut self, derived: &Derived) -> Result<(), StreamFailure> {
-        let (time, stamp) = self.stamp(derived.time)?;
-        self.log.send(&mut self.topics.derived, time, |m| m.derived(stamp, derived))
-    }
-
-    fn rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamFailure> {
-        let Topics { sensors, rejections, .. } = &mut self.topics;
-        rejections.rejection(&mut self.log, &sensors[rejection.sensor.0], rejection)?;
-        self.topics.lanes.reject(&mut self.log, rejection.sensor, rejection.time)
-    }
-
-    /// The time of a message, and its stamp: the latest logged time from before the clock was known.
-    fn stamp(&self, time: Time) -> Result<(Time, Stamp), StreamFailure> {
-        let time = if time <= Time::MIN { self.log.latest } else { time };
-        Ok((time, Stamp::new(time)?))
+        let messages = Messages::begin(run, begin, |definitions| {
+            LogWriter::begin(file, compression, &run.version, definitions, offset, head)
+        })?;
+        Ok(Self { messages, begin })
     }
 }

@@ -8,13 +8,28 @@ use crate::message::Encoder;
 use navfuse_core::files::WholeFile;
 use navfuse_core::units::time::Time;
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::io;
 
-/// The file, and the chunk that is being filled.
+/// Takes messages that go elsewhere than into a file.
+pub trait Outlet: Debug + Send {
+    /// Takes a message of a channel, in the order of the definitions; the time is in ns.
+    fn message(&mut self, channel: u16, log_time: u64, message: &[u8]);
+}
+
+/// Where messages go.
+#[derive(Debug)]
+enum Way {
+    /// The file, and the chunk that is being filled.
+    File(Background, Chunk),
+    /// An outlet, and the message that is being encoded.
+    Outlet(Box<dyn Outlet>, Vec<u8>),
+}
+
+/// The way of the messages, and their times.
 #[derive(Debug)]
 pub(crate) struct LogWriter {
-    file: Background,
-    chunk: Chunk,
+    way: Way,
     /// Log time minus run time, ns.
     offset: i64,
     /// The latest time that was logged.
@@ -39,7 +54,12 @@ impl LogWriter {
         let mut file = LogFile::begin(file, compression, &library, definitions)?;
         head(&mut file)?;
         let file = Background::start(file)?;
-        Ok(Self { file, chunk, offset, latest: Time::MIN })
+        Ok(Self { way: Way::File(file, chunk), offset, latest: Time::MIN })
+    }
+
+    /// Sends messages to an outlet, with the times of the run.
+    pub(crate) fn to(outlet: Box<dyn Outlet>) -> Self {
+        Self { way: Way::Outlet(outlet, Vec::new()), offset: 0, latest: Time::MIN }
     }
 
     /// The log time of a time of the run, in ns; zero for an earlier one.
@@ -49,13 +69,19 @@ impl LogWriter {
 
     /// Length of the file so far, without the messages that wait.
     pub(crate) fn length(&self) -> u64 {
-        self.file.written()
+        match &self.way {
+            Way::File(file, _) => file.written(),
+            Way::Outlet(..) => 0,
+        }
     }
 
     /// Completes the file, which then takes its name.
     pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
         self.write_chunk()?;
-        self.file.finish()
+        match &mut self.way {
+            Way::File(file, _) => file.finish(),
+            Way::Outlet(..) => Ok(()),
+        }
     }
 
     /// Writes a message.
@@ -66,10 +92,21 @@ impl LogWriter {
         encode: impl FnOnce(Encoder<'_>),
     ) -> Result<(), StreamFailure> {
         let log_time = self.log_time(time);
-        self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
-        topic.sequence = topic.sequence.wrapping_add(1);
         self.latest = self.latest.max(time);
-        if self.chunk.records.len() < LENGTH { Ok(()) } else { self.write_chunk() }
+        let whole = match &mut self.way {
+            Way::File(_, chunk) => {
+                chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
+                chunk.records.len() >= LENGTH
+            }
+            Way::Outlet(outlet, message) => {
+                message.clear();
+                encode(Encoder::new(message));
+                outlet.message(topic.channel, log_time, message);
+                false
+            }
+        };
+        topic.sequence = topic.sequence.wrapping_add(1);
+        if whole { self.write_chunk() } else { Ok(()) }
     }
 
     /// Writes texts by their names, after all messages so far.
@@ -79,11 +116,17 @@ impl LogWriter {
         entries: BTreeMap<String, String>,
     ) -> Result<(), StreamFailure> {
         self.write_chunk()?;
-        self.file.metadata(name, entries)
+        match &mut self.way {
+            Way::File(file, _) => file.metadata(name, entries),
+            Way::Outlet(..) => Ok(()),
+        }
     }
 
     fn write_chunk(&mut self) -> Result<(), StreamFailure> {
-        if self.chunk.records.is_empty() { Ok(()) } else { self.file.write(&mut self.chunk) }
+        match &mut self.way {
+            Way::File(file, chunk) if !chunk.records.is_empty() => file.write(chunk),
+            Way::File(..) | Way::Outlet(..) => Ok(()),
+        }
     }
 }
 
