@@ -1,10 +1,11 @@
 //! The state of the sensors as `diagnostic_msgs/DiagnosticArray`.
 
 use navfuse_core::model::record::{Outcome, UpdateRecord};
-use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
-use navfuse_mcap::{Diagnosis, Health};
+use navfuse_mcap::{Diagnosis, Health, outcome_words};
 
 /// Time without an update after which a sensor is stale, s.
 const STALE: f64 = 5.0;
@@ -12,6 +13,8 @@ const STALE: f64 = 5.0;
 /// What is known of a sensor.
 struct Tally {
     name: String,
+    /// Channels with their units.
+    columns: Vec<String>,
     /// Updates that were used, gated and rejected.
     counts: [u64; 3],
     /// Time and outcome of the last one, and its NIS by its degrees of freedom.
@@ -29,16 +32,37 @@ pub struct Diagnostics {
 
 impl Diagnostics {
     pub fn new(run: &RunInfo) -> Self {
-        let tally = |name: &str| Tally { name: name.to_owned(), counts: [0; 3], last: None };
-        let measures = |purpose: Purpose| purpose == Purpose::Measurement;
-        let sensors = run.sensors.iter();
-        let sensors = sensors.map(|s| measures(s.purpose).then(|| tally(&s.name))).collect();
+        let tally = |sensor: &SensorInfo| Tally {
+            name: sensor.name.clone(),
+            columns: sensor.channels.iter().map(Channel::column).collect(),
+            counts: [0; 3],
+            last: None,
+        };
+        let measures = |sensor: &SensorInfo| sensor.purpose == Purpose::Measurement;
+        let sensors = run.sensors.iter().map(|s| measures(s).then(|| tally(s))).collect();
         Self { sensors, reached: None, refused: None }
     }
 
     /// Takes the time of a final estimate.
     pub fn reach(&mut self, time: Time) {
         self.reached = Some(time);
+    }
+
+    /// The use of a sample: its outcome, the NIS, and each channel's innovation and 1-sigma, SI.
+    pub fn innovation(&self, update: &UpdateRecord<'_>) -> Option<Diagnosis> {
+        let tally = self.sensors.get(update.sensor.0)?.as_ref()?;
+        let health = match update.outcome {
+            Outcome::Accepted | Outcome::Placed => Health::Ok,
+            Outcome::Gated | Outcome::Rejected(_) => Health::Warn,
+        };
+        let mut values = vec![("NIS".into(), update.nis.to_string())];
+        for (channel, innovation, sigma) in update.channels() {
+            let column = &tally.columns[channel];
+            values.push((format!("innovation {column}").into(), innovation.to_string()));
+            values.push((format!("sigma {column}").into(), sigma.to_string()));
+        }
+        let text = outcome_words(update.outcome, &tally.columns);
+        Some(Diagnosis { name: format!("navfuse: {}", tally.name), health, text, values })
     }
 
     /// Takes an update.
@@ -65,8 +89,8 @@ impl Diagnostics {
         let topics = self.refused.as_ref().map(|policy| Diagnosis {
             name: "navfuse: topics".to_owned(),
             health: Health::Warn,
-            text: "a subscriber asks for another quality of service, and receives nothing",
-            values: vec![("policy", policy.clone())],
+            text: "a subscriber asks for another quality of service, and receives nothing".into(),
+            values: vec![("policy".into(), policy.clone())],
         });
         sensors.chain(topics).collect()
     }
@@ -85,14 +109,15 @@ impl Tally {
             None => (Health::Stale, "waiting"),
         };
         let mut values = vec![
-            ("used", used.to_string()),
-            ("gated", gated.to_string()),
-            ("rejected", rejected.to_string()),
+            ("used".into(), used.to_string()),
+            ("gated".into(), gated.to_string()),
+            ("rejected".into(), rejected.to_string()),
         ];
         if let Some((.., nis)) = self.last {
-            values.push(("NIS by degrees of freedom", format!("{nis:.2}")));
+            values.push(("NIS by degrees of freedom".into(), format!("{nis:.2}")));
         }
-        values.extend(age.map(|age| ("age, s", format!("{age:.2}"))));
-        Diagnosis { name: format!("navfuse: {}", self.name), health, text, values }
+        values.extend(age.map(|age| ("age, s".into(), format!("{age:.2}"))));
+        let name = format!("navfuse: {}", self.name);
+        Diagnosis { name, health, text: text.into(), values }
     }
 }

@@ -5,7 +5,7 @@ use crate::lifecycle::{Lifecycle, State as NodeState};
 use crate::link::{POSE, domain_of, join};
 use crate::names::{of_topic, of_type};
 use crate::port::{Node, Publication};
-use navfuse_core::model::record::{Epoch, Record, Wants};
+use navfuse_core::model::record::{Epoch, Record, UpdateRecord, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::state::{State, Vehicle};
@@ -43,6 +43,9 @@ pub struct Ros2Sink {
     pub blend: Option<Positive<Duration>>,
     /// Topic of the estimate in `map` as `geometry_msgs/PoseWithCovarianceStamped`. Default: none.
     pub pose: Option<String>,
+    /// Topic on which each use of a measurement is published as `diagnostic_msgs/DiagnosticArray`, for
+    /// plots: outcome and reason, NIS, and the innovation and 1-sigma of each channel. Default: none.
+    pub innovations: Option<String>,
     /// Publishes the transforms from `map` to `odom` and from `odom` to `base_link` at `/tf`. Default:
     /// false.
     pub tf: bool,
@@ -93,6 +96,7 @@ struct Run {
     tf: Option<Publication>,
     pose: Option<Publication>,
     diagnoses: Publication,
+    innovations: Option<Publication>,
     diagnostics: Diagnostics,
     diagnosed: Option<Time>,
     message: Vec<u8>,
@@ -108,11 +112,13 @@ impl Sink for Estimates {
             StreamError::scenario("an odometry has a position and an attitude")
                 .with_remedy("remove the sink, or estimate both, as [process.ins] does")
         })?;
-        let Ros2Sink { global, local, pose, blend, tf, datum, origin, .. } = &self.config;
+        let Ros2Sink { global, local, pose, innovations, blend, tf, datum, origin, .. } =
+            &self.config;
         let name =
             |topic: &Option<String>, usual: &str| topic.as_deref().unwrap_or(usual).to_owned();
         let offer = |topic: &str, kind: &str| self.node.publish(&of_topic(topic), &of_type(kind));
         let odometry = |topic: String| offer(&topic, "nav_msgs/msg/Odometry");
+        let diagnoses = |topic: &str| offer(topic, "diagnostic_msgs/msg/DiagnosticArray");
         self.run = Some(Run {
             motion: motion.with_origin(datum.map(|datum| datum.position())),
             origin: Span::from_nanos(origin.map_or(0, |date| date.nanos)),
@@ -123,7 +129,8 @@ impl Sink for Estimates {
             local: odometry(name(local, "/odometry/local"))?,
             tf: tf.then(|| offer("/tf", "tf2_msgs/msg/TFMessage")).transpose()?,
             pose: pose.as_deref().map(|topic| offer(topic, POSE)).transpose()?,
-            diagnoses: offer("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")?,
+            diagnoses: diagnoses("/diagnostics")?,
+            innovations: innovations.as_deref().map(diagnoses).transpose()?,
             diagnostics: Diagnostics::new(run),
             diagnosed: None,
             message: Vec::new(),
@@ -136,7 +143,7 @@ impl Sink for Estimates {
             (Record::Newest(epoch), Some(run)) => run.estimate(epoch, self.lifecycle.is_active()),
             (Record::Update(update), Some(run)) => {
                 run.diagnostics.take(update);
-                Ok(())
+                run.innovation(update, self.lifecycle.is_active())
             }
             (Record::Epoch(epoch), Some(run)) => {
                 run.diagnostics.reach(epoch.state.time);
@@ -152,6 +159,19 @@ impl Sink for Estimates {
 }
 
 impl Run {
+    /// Publishes the use of a measurement.
+    fn innovation(&mut self, update: &UpdateRecord<'_>, active: bool) -> Result<(), StreamError> {
+        if let Some(topic) = self.innovations.as_ref().filter(|_| active)
+            && let Some(diagnosis) = self.diagnostics.innovation(update)
+        {
+            let stamp = Stamp::new(update.time + self.origin)?;
+            self.message.clear();
+            Encoder::new(&mut self.message).diagnostics(stamp, &[diagnosis]);
+            topic.send(&self.message);
+        }
+        Ok(())
+    }
+
     /// Publishes an estimate of an active node.
     fn estimate(&mut self, epoch: &Epoch<'_>, active: bool) -> Result<(), StreamError> {
         let time = epoch.state.time;

@@ -146,6 +146,7 @@ fn received(python: &Path, trial: &Trial) -> (Vec<Value>, String) {
              sensors.dvl = {{ topic = \"/dvl/twist\", axes = \"flu\" }}\n\
              sensors.depth = {{ topic = \"/pressure\" }}\n\
              [sink.ros2]\ndomain = {domain}\ntf = true\npose = \"/pose\"\n\
+             innovations = \"/innovations\"\n\
              datum = {{ latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\" }}\n"
         ),
     );
@@ -255,6 +256,36 @@ fn a_vehicle_of_ros_2_is_navigated_by_its_topics_and_receives_the_estimate() {
         let used = own["values"].as_array().unwrap().iter().find(|v| v["key"] == "used").unwrap();
         let used: u32 = used["value"].as_str().unwrap().parse().unwrap();
         assert!(used > least, "{own}");
+    }
+}
+
+#[test]
+fn each_use_of_a_measurement_is_a_record_that_a_plot_shows() {
+    let Some(python) = cyclone().python() else { return };
+    let (all, _) = received(&python, &COMMANDS);
+    let records: Vec<_> = all.iter().filter(|m| m["topic"] == "innovations").collect();
+    let of = |name: &str| {
+        let statuses = records.iter().map(|m| &m["status"][0]);
+        statuses.filter(|s| s["name"] == format!("navfuse: {name}")).collect::<Vec<_>>()
+    };
+    // 30 s with 1, 5 and 4 samples a second, of which some are lost on purpose
+    for (sensor, least, channels) in [("gnss", 20, 3), ("dvl", 100, 3), ("depth", 80, 1)] {
+        let own = of(sensor);
+        assert!(own.len() > least, "{sensor}: {}", own.len());
+        let used: Vec<_> = own.iter().filter(|s| s["message"] == "accepted").collect();
+        assert!(used.len() > least, "{sensor}: {:?}", own[0]);
+        for status in used {
+            let values = status["values"].as_array().unwrap();
+            let of = |kind: &str| {
+                let named = values.iter().filter(|v| v["key"].as_str().unwrap().starts_with(kind));
+                named.map(|v| v["value"].as_str().unwrap().parse().unwrap()).collect::<Vec<f64>>()
+            };
+            let (nis, innovations, sigmas) = (of("NIS"), of("innovation "), of("sigma "));
+            assert_eq!([nis.len(), innovations.len(), sigmas.len()], [1, channels, channels]);
+            // one channel alone has the NIS of its own sigma
+            let ratio = innovations[0] / sigmas[0];
+            assert!(channels > 1 || (ratio * ratio - nis[0]).abs() < 1e-9, "{status}");
+        }
     }
 }
 

@@ -216,6 +216,7 @@ received = {
     "local": ("rt/odometry/local", Odometry),
     "tf": ("rt/tf", TFMessage),
     "diagnostics": ("rt/diagnostics", DiagnosticArray),
+    "innovations": ("rt/innovations", DiagnosticArray),
     "pose": ("rt/pose", PoseStamped),
 }
 readers = {

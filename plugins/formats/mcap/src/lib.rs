@@ -84,7 +84,7 @@ pub use bag::BagSink;
 pub use chunk::Definition;
 pub use file::Compression;
 pub use log::{LogInfo, read_scenario};
-pub use message::{Diagnosis, Encoder, Health, Stamp};
+pub use message::{Diagnosis, Encoder, Health, Stamp, outcome_words};
 pub use messages::Messages;
 pub use motion::{Motion, Moved};
 pub use pose::{Link, Pose, Velocity};

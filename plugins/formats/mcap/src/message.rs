@@ -10,6 +10,7 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use re_cdr::{CdrWriter, LittleEndian};
+use std::borrow::Cow;
 
 /// The fixed frame: north, east, down in the tangent at the first epoch's position.
 pub const FIXED_FRAME: &str = "ned";
@@ -73,9 +74,19 @@ pub struct Diagnosis {
     /// State.
     pub health: Health,
     /// State in words.
-    pub text: &'static str,
+    pub text: Cow<'static, str>,
     /// Further values, each with its name.
-    pub values: Vec<(&'static str, String)>,
+    pub values: Vec<(Cow<'static, str>, String)>,
+}
+
+/// The use of a sample in words; the columns name the channels.
+pub fn outcome_words(outcome: Outcome, columns: &[String]) -> Cow<'static, str> {
+    match outcome {
+        Outcome::Accepted => "accepted".into(),
+        Outcome::Placed => "placed".into(),
+        Outcome::Gated => "gated".into(),
+        Outcome::Rejected(why) => format!("rejected: {}", why.reason(columns)).into(),
+    }
 }
 
 /// Appends one message to a buffer.
@@ -259,7 +270,7 @@ impl<'a> Encoder<'a> {
                 Health::Warn => 1,
                 Health::Stale => 3,
             });
-            for text in [&sensor.name, sensor.text, ""] {
+            for text in [&sensor.name, sensor.text.as_ref(), ""] {
                 self.0.write_string(text);
             }
             self.0.write_sequence_length(sensor.values.len());
@@ -300,14 +311,7 @@ impl<'a> Encoder<'a> {
     ) {
         let dof = update.channels().count();
         self.header(stamp, sensor);
-        match update.outcome {
-            Outcome::Accepted => self.0.write_string("accepted"),
-            Outcome::Placed => self.0.write_string("placed"),
-            Outcome::Gated => self.0.write_string("gated"),
-            Outcome::Rejected(why) => {
-                self.0.write_string(&format!("rejected: {}", why.reason(columns)))
-            }
-        }
+        self.0.write_string(&outcome_words(update.outcome, columns));
         self.numbers(&[update.nis, update.threshold]);
         self.0.write_u32(dof as u32);
         self.0.write_sequence_length(dof);
