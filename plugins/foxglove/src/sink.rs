@@ -49,19 +49,13 @@ struct Shown {
 }
 
 impl Shown {
-    /// The messages, whose topics are announced now unless they have been.
-    fn begun(&mut self, now: Time) -> Result<Option<&mut Messages>, StreamError> {
-        if self.messages.is_none() {
-            let Some(run) = &self.run else { return Ok(None) };
-            let announce = |topics: &[_]| self.server.announce(topics);
-            let messages = Messages::open(run, now, announce);
-            let messages = messages.map_err(|e| StreamError::network(e.to_string()))?;
-            let messages = self.messages.insert(messages);
-            for event in std::mem::take(&mut self.early) {
-                messages.send(&Record::Event(&event))?;
-            }
-        }
-        Ok(self.messages.as_mut())
+    /// Announces the topics, and sends the events so far.
+    fn begin(&mut self, now: Time) -> Result<(), StreamError> {
+        let Some(run) = &self.run else { return Ok(()) };
+        let messages = Messages::open(run, now, |topics| self.server.announce(topics));
+        let messages = messages.map_err(|e| StreamError::network(e.to_string()))?;
+        let messages = self.messages.insert(messages);
+        self.early.drain(..).try_for_each(|event| messages.send(&Record::Event(&event)))
     }
 }
 
@@ -75,7 +69,7 @@ impl Sink for Shown {
         if self.messages.is_none() {
             // the time of the run is not known before its first sample
             match record {
-                Record::Sample(sample) => drop(self.begun(sample.time)?),
+                Record::Sample(sample) => self.begin(sample.time)?,
                 Record::Event(event) => self.early.push((*event).clone()),
                 _ => {}
             }
