@@ -108,7 +108,7 @@ enum Way {
     /// Texts, and the last one.
     Text(Format, Box<dyn Write>, String),
     /// A topic of ROS 2.
-    Topic(PlayedTopic),
+    Topic(Box<PlayedTopic>),
 }
 
 impl Place {
@@ -134,7 +134,7 @@ impl Place {
             ("water-linked-json", ..) => text(write_water_linked, place)?,
             (_, Some((_, kind)), Some(topic)) => {
                 let opened = PlayedTopic::open(kind, topic, None);
-                Way::Topic(opened.map_err(|error| wrong(error.to_string()))?)
+                Way::Topic(Box::new(opened.map_err(|error| wrong(error.to_string()))?))
             }
             _ => {
                 let text = "the format is nmea or water-linked-json, followed by : and a \
