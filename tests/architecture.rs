@@ -87,7 +87,7 @@ fn no_crate_uses_another_but_as_the_design_says() {
 }
 
 /// The folders of plugins, each with the folders of plugins that it uses.
-const FOLDERS: [(&str, &[&str]); 8] = [
+const FOLDERS: [(&str, &[&str]); 9] = [
     ("sensors", &["sensors"]),
     ("estimators", &[]),
     ("formats", &["instruments"]),
