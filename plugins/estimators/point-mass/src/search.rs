@@ -248,11 +248,11 @@ fn largest_sum(count: usize) -> f64 {
 mod tests {
     use super::largest_sum;
 
-    /// Quantiles of 0.9999 from tables: 15.14 of 1 and 66.62 of 30 degrees of freedom; the
-    /// approximation is good to 3 % and to 0.2 %.
+    /// Quantiles of 0.9999: 15.14 of 1 degree of freedom (the square of 3.8906), and 67.63 of 30, from the
+    /// finite sum of an even number. The approximation of Wilson and Hilferty is 8 % above the first.
     #[test]
     fn the_largest_sum_is_the_quantile_of_chi_square() {
-        assert!((largest_sum(1) / 15.14 - 1.0).abs() < 0.03, "{}", largest_sum(1));
-        assert!((largest_sum(30) / 66.62 - 1.0).abs() < 0.002, "{}", largest_sum(30));
+        assert!((largest_sum(1) / 15.14 - 1.0).abs() < 0.08, "{}", largest_sum(1));
+        assert!((largest_sum(30) / 67.63 - 1.0).abs() < 0.005, "{}", largest_sum(30));
     }
 }

@@ -12,6 +12,18 @@ use std::fmt::Debug;
 use std::io;
 
 /// Takes messages that go elsewhere than into a file.
+///
+/// ```
+/// /// Counts the bytes of all messages.
+/// #[derive(Debug)]
+/// struct Bytes(usize);
+///
+/// impl navfuse_mcap::Outlet for Bytes {
+///     fn message(&mut self, _channel: u16, _log_time: u64, message: &[u8]) {
+///         self.0 += message.len();
+///     }
+/// }
+/// ```
 pub trait Outlet: Debug + Send {
     /// Takes a message of a channel, in the order of the definitions; the time is in ns.
     fn message(&mut self, channel: u16, log_time: u64, message: &[u8]);
