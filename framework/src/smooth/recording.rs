@@ -1,11 +1,10 @@
 //! What a filter and its passes show to their records, and to the observer of the run.
 
 use super::means::Records;
+use crate::model::record::Observer;
 use crate::model::record::finding::{Basis, Finding};
-use crate::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use crate::state::State;
 use crate::state::covariance::{Covariance, Transition, Update};
-use crate::units::sample::Sample;
 
 /// Keeps a finding if it compares samples with the estimate, and returns any other.
 fn kept(findings: &mut Vec<Finding>, finding: Finding) -> Option<Finding> {
@@ -49,11 +48,8 @@ pub(super) struct Recording<'a> {
 }
 
 impl Observer for Recording<'_> {
-    fn epoch(&mut self, epoch: &Epoch<'_>) {
-        self.observer.epoch(epoch);
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) {
-        self.observer.update(update);
+    fn behind(&mut self) -> Option<&mut dyn Observer> {
+        Some(self.observer)
     }
     fn transition(&mut self, transition: &Transition) {
         self.records.transition(transition);
@@ -66,18 +62,6 @@ impl Observer for Recording<'_> {
     fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
         self.records.moved(state, covariance, offset);
         self.observer.moved(state, covariance, offset);
-    }
-    fn corrected(&mut self, offset: &[f64]) {
-        self.observer.corrected(offset);
-    }
-    fn gated(&mut self, update: &Update) {
-        self.observer.gated(update);
-    }
-    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
-        self.observer.input(sample, rejected);
-    }
-    fn event(&mut self, event: Event) {
-        self.observer.event(event);
     }
     fn finding(&mut self, finding: Finding) {
         if let Some(finding) = kept(self.findings, finding) {

@@ -20,6 +20,8 @@ pub const UNKNOWN: f64 = 0.2;
 const FOUR: [[f64; 4]; 3] =
     [[45.0, 135.0, 225.0, 315.0], [45.0, 225.0, 135.0, 315.0], [45.0, 135.0, 315.0, 225.0]];
 const THREE: [f64; 3] = [0.0, 120.0, 240.0];
+/// 1-sigma of the scale of a log whose slant is known.
+pub const KNOWN: f64 = 0.005;
 /// Factor on the least difference of sums within which other pairs may be opposite.
 const NEAR: f64 = 4.0;
 
@@ -46,6 +48,11 @@ pub struct Aimed {
 pub type Row = (f64, [f64; 4]);
 
 impl Beams {
+    /// The usual azimuths of a log of so many beams, deg.
+    pub fn usual(count: usize) -> &'static [f64] {
+        if count == 3 { &THREE } else { &FOUR[0] }
+    }
+
     /// The sets of azimuths that fit the rows, the usual one first.
     fn candidates(&self, rows: &[Row]) -> Vec<Vec<f64>> {
         if let Some(azimuth) = &self.azimuth {
@@ -109,7 +116,7 @@ impl Beams {
         let Turn { angle, sigma, size } = turn;
         let azimuth = azimuth.iter().map(|a| (a + angle.to_degrees()).rem_euclid(360.0)).collect();
         let (slant, scale) = match self.slant {
-            Some(slant) => (slant, 0.005),
+            Some(slant) => (slant, KNOWN),
             None => (slant(size[0]), (2.0 * sigma).max(size[1])),
         };
         Some(Aimed { azimuth, sigma: sigma.to_degrees(), slant, scale })

@@ -85,7 +85,8 @@ pub enum Repetition<'a> {
     Failed,
 }
 
-/// Observes a filter: every method does nothing by default, and `()` observes nothing.
+/// Observes a filter: every method passes on to [`Observer::behind`], which by default is nobody, and
+/// `()` observes nothing.
 ///
 /// ```
 /// use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
@@ -99,32 +100,81 @@ pub enum Repetition<'a> {
 /// }
 /// ```
 pub trait Observer {
+    /// The observer behind this one, which receives what this one does not take itself: for a layer
+    /// between a filter and its run.
+    fn behind(&mut self) -> Option<&mut dyn Observer> {
+        None
+    }
     /// Receives an estimate, at the output rate and wherever a reference is known.
-    fn epoch(&mut self, _epoch: &Epoch<'_>) {}
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        if let Some(behind) = self.behind() {
+            behind.epoch(epoch);
+        }
+    }
     /// Receives the outcome of a measuring sensor's sample.
-    fn update(&mut self, _update: &UpdateRecord<'_>) {}
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        if let Some(behind) = self.behind() {
+            behind.update(update);
+        }
+    }
     /// Receives `Phi` and the accumulated `Q` of a propagation, which a backward pass needs.
-    fn transition(&mut self, _transition: &Transition) {}
+    fn transition(&mut self, transition: &Transition) {
+        if let Some(behind) = self.behind() {
+            behind.transition(transition);
+        }
+    }
     /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space.
     /// Its `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
-    fn correction(&mut self, _update: &Update) {}
+    fn correction(&mut self, update: &Update) {
+        if let Some(behind) = self.behind() {
+            behind.correction(update);
+        }
+    }
     /// Receives state and covariance at the start and after each propagation. In a further pass of
     /// the smoother, the state is that at which the filter linearises, and `offset` the estimate
     /// relative to it; otherwise `offset` is empty.
-    fn moved(&mut self, _state: &State, _covariance: &Covariance, _offset: &[f64]) {}
+    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+        if let Some(behind) = self.behind() {
+            behind.moved(state, covariance, offset);
+        }
+    }
     /// Receives the offset of [`Self::moved`] after a correction or a clone.
-    fn corrected(&mut self, _offset: &[f64]) {}
+    fn corrected(&mut self, offset: &[f64]) {
+        if let Some(behind) = self.behind() {
+            behind.corrected(offset);
+        }
+    }
     /// Receives the beginning and the end of a repetition.
-    fn repetition(&mut self, _repetition: Repetition<'_>) {}
+    fn repetition(&mut self, repetition: Repetition<'_>) {
+        if let Some(behind) = self.behind() {
+            behind.repetition(repetition);
+        }
+    }
     /// Receives the innovation of a gated sample, its covariance and that with the error, after
     /// [`Self::update`].
-    fn gated(&mut self, _update: &Update) {}
+    fn gated(&mut self, update: &Update) {
+        if let Some(behind) = self.behind() {
+            behind.gated(update);
+        }
+    }
     /// Receives a sample of the driving sensor, and the reason if the filter rejected it.
-    fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}
+    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        if let Some(behind) = self.behind() {
+            behind.input(sample, rejected);
+        }
+    }
     /// Receives an event.
-    fn event(&mut self, _event: Event) {}
+    fn event(&mut self, event: Event) {
+        if let Some(behind) = self.behind() {
+            behind.event(event);
+        }
+    }
     /// Receives a fault that the filter found.
-    fn finding(&mut self, _finding: Finding) {}
+    fn finding(&mut self, finding: Finding) {
+        if let Some(behind) = self.behind() {
+            behind.finding(finding);
+        }
+    }
 }
 
 impl Observer for () {}

@@ -6,7 +6,7 @@
 //! count against it at every sample.
 
 use crate::trail::displace;
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2, Vector2};
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::{Covariance, Update};
 use navfuse_core::state::manifold::Position;
@@ -198,15 +198,14 @@ impl Component {
             (0..2).map(|j| self.covariance[(k, j)] * h[(i, j)]).sum()
         });
         let s = noise + h * &spread;
-        let Some(likelihood) = log_likelihood(innovation, s.clone()) else {
+        let Some(Fit { likelihood, squared, root }) = Fit::of(innovation, s) else {
             // beyond the map, or beside its edge: an outlier of the noise
             let alone = noise.diagonal().iter().map(|r| r.ln()).sum::<f64>();
             self.weight -= 0.5 * (LARGEST + alone);
             return;
         };
         self.weight += likelihood;
-        let Some(root) = s.cholesky() else { return };
-        if root.solve(innovation).dot(innovation) > LARGEST {
+        if squared > LARGEST {
             return;
         }
         let delta = &spread * root.solve(innovation);
@@ -225,12 +224,23 @@ impl Component {
     }
 }
 
-/// Logarithm of the density of an innovation, with a bound on its square; `None` where it is not a
-/// number.
-pub(crate) fn log_likelihood(innovation: &DVector<f64>, s: DMatrix<f64>) -> Option<f64> {
-    let root = s.cholesky()?;
-    let squared = root.solve(innovation).dot(innovation);
-    let log_det: f64 = root.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
-    let sum = squared.min(LARGEST) + log_det;
-    (squared.is_finite() && sum.is_finite()).then_some(-0.5 * sum)
+/// An innovation beside its covariance.
+pub(crate) struct Fit {
+    /// Logarithm of the density, with a bound on the square.
+    pub likelihood: f64,
+    /// Normalised innovation squared.
+    squared: f64,
+    root: Cholesky<f64, Dyn>,
+}
+
+impl Fit {
+    /// `None` where the innovation or its density is not a number.
+    pub fn of(innovation: &DVector<f64>, s: DMatrix<f64>) -> Option<Self> {
+        let root = s.cholesky()?;
+        let squared = root.solve(innovation).dot(innovation);
+        let log_det: f64 = root.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+        let sum = squared.min(LARGEST) + log_det;
+        let finite = squared.is_finite() && sum.is_finite();
+        finite.then_some(Self { likelihood: -0.5 * sum, squared, root })
+    }
 }

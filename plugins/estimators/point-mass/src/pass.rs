@@ -1,6 +1,6 @@
 //! One run of the filter over all samples, linearised along a displaced track.
 
-use crate::grid::log_likelihood;
+use crate::grid::Fit;
 use crate::search::Search;
 use crate::trail::Displaced;
 use nalgebra::{DMatrix, DVector};
@@ -45,7 +45,7 @@ impl Observer for Evidence<'_, '_> {
         }
         let s = DMatrix::from_row_slice(m, m, &update.covariance[..m * m]);
         let innovation = DVector::from_column_slice(update.innovation);
-        self.likelihood += log_likelihood(&innovation, s).unwrap_or(0.0);
+        self.likelihood += Fit::of(&innovation, s).map_or(0.0, |fit| fit.likelihood);
         if self.curved[update.sensor.0] {
             self.squared += update.nis.min(crate::grid::LARGEST);
             self.expected += m;

@@ -6,6 +6,7 @@ use crate::trail::{Trail, displace};
 use navfuse_core::compose::Composition;
 use navfuse_core::compose::estimator::Linearised;
 use navfuse_core::compose::snapshot::Snapshot;
+use navfuse_core::model::chi_square::above;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::manifold::Position;
@@ -30,6 +31,9 @@ const MOST: usize = 8;
 /// Difference of the logarithms of the likelihoods at which the better place is decided: odds of
 /// 22 000 to 1.
 const MARGIN: f64 = 10.0;
+
+/// Least probability that chance makes the innovations of the better place as large as they are.
+const BY_CHANCE: f64 = 1e-4;
 
 /// Number of samples that are kept before the filter starts.
 const WAITING: usize = 256;
@@ -189,7 +193,7 @@ impl Search {
         let mut places = places.into_iter();
         let best = places.next()?;
         let odds = places.next().map_or(f64::INFINITY, |next| best.likelihood - next.likelihood);
-        let fits = best.squared <= largest_sum(best.expected);
+        let fits = above(best.expected.max(1), best.squared) >= BY_CHANCE;
         (odds >= MARGIN && fits).then_some(Decided { best, places: candidates.len(), odds })
     }
 
@@ -234,25 +238,4 @@ fn is_curved(
             term.is_nan() || term * term > noise[k * n + k]
         })
     })
-}
-
-/// Sum of the squares of so many normal variables that chance exceeds once in 10 000 cases (Wilson &
-/// Hilferty, *PNAS* 17, 1931).
-fn largest_sum(count: usize) -> f64 {
-    let n = count.max(1) as f64;
-    let part = 2.0 / (9.0 * n);
-    n * (1.0 - part + 3.72 * part.sqrt()).powi(3)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::largest_sum;
-
-    /// Quantiles of 0.9999: 15.14 of 1 degree of freedom (the square of 3.8906), and 67.63 of 30, from the
-    /// finite sum of an even number. The approximation of Wilson and Hilferty is 8 % above the first.
-    #[test]
-    fn the_largest_sum_is_the_quantile_of_chi_square() {
-        assert!((largest_sum(1) / 15.14 - 1.0).abs() < 0.08, "{}", largest_sum(1));
-        assert!((largest_sum(30) / 67.63 - 1.0).abs() < 0.005, "{}", largest_sum(30));
-    }
 }

@@ -2,12 +2,10 @@
 //! which the filter linearises.
 
 use navfuse_core::compose::course::Course;
-use navfuse_core::model::record::finding::Finding;
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
-use navfuse_core::state::covariance::{Covariance, Transition, Update};
+use navfuse_core::model::record::Observer;
+use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::manifold::Position;
 use navfuse_core::state::{Handle, Layout, State};
-use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use std::io;
 use std::sync::Arc;
@@ -77,35 +75,11 @@ pub(crate) struct Following<'a> {
 }
 
 impl Observer for Following<'_> {
-    fn epoch(&mut self, epoch: &Epoch<'_>) {
-        self.observer.epoch(epoch);
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) {
-        self.observer.update(update);
-    }
-    fn transition(&mut self, transition: &Transition) {
-        self.observer.transition(transition);
-    }
-    fn correction(&mut self, update: &Update) {
-        self.observer.correction(update);
+    fn behind(&mut self) -> Option<&mut dyn Observer> {
+        Some(self.observer)
     }
     fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
         self.trail.push(state);
         self.observer.moved(state, covariance, offset);
-    }
-    fn corrected(&mut self, offset: &[f64]) {
-        self.observer.corrected(offset);
-    }
-    fn gated(&mut self, update: &Update) {
-        self.observer.gated(update);
-    }
-    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
-        self.observer.input(sample, rejected);
-    }
-    fn event(&mut self, event: Event) {
-        self.observer.event(event);
-    }
-    fn finding(&mut self, finding: Finding) {
-        self.observer.finding(finding);
     }
 }

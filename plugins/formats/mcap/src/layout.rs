@@ -35,7 +35,7 @@ pub fn layout(run: &RunInfo) -> Value {
     let known = run.sensors.iter().filter(|s| s.purpose != Purpose::Reference);
     first.push(place("StateTransitions!health".into(), transitions(known)));
     first.push(place("RosOut!log".into(), events()));
-    let compared = run.simulated || run.sensors.iter().any(|s| s.purpose == Purpose::Reference);
+    let compared = is_compared(run);
     let moves = [
         vehicle.attitude.map(|handle| handle.slot()),
         vehicle.velocity.map(|handle| handle.slot()),
@@ -73,6 +73,11 @@ pub fn layout(run: &RunInfo) -> Value {
     })
 }
 
+/// Set where the log has the truth, or a reference.
+fn is_compared(run: &RunInfo) -> bool {
+    run.simulated || run.sensors.iter().any(|s| s.purpose == Purpose::Reference)
+}
+
 /// Panels of equal size beside or above each other; `None` without any.
 fn split(direction: &str, mut panels: Vec<Value>) -> Option<Value> {
     let mut all = panels.pop()?;
@@ -96,7 +101,7 @@ fn scene(run: &RunInfo) -> Value {
     topics.insert("/estimate/odometry".into(), arrow(0.6, COLOURS[0]));
     topics.insert("/estimate/path".into(), path(COLOURS[0]));
     topics.insert("/estimate/markers".into(), json!({ "visible": true }));
-    if run.simulated || run.sensors.iter().any(|s| s.purpose == Purpose::Reference) {
+    if is_compared(run) {
         topics.insert("/reference/odometry".into(), arrow(0.4, COLOURS[5]));
         topics.insert("/reference/path".into(), path(COLOURS[5]));
     }

@@ -3,6 +3,7 @@
 use super::text::{Text, round};
 use crate::Heading;
 use crate::stream::StreamSurvey;
+use navfuse_ins::earth::normal_gravity;
 
 /// Noise of gyros, deg/h/sqrt(Hz), from which their bias may be far larger than it: those of MEMS.
 const MEMS: f64 = 7.3;
@@ -42,27 +43,7 @@ fn excess(imu: &StreamSurvey, place: Option<[f64; 3]>) -> f64 {
     let Some(k) = first else { return 0.0 };
     let scale = if imu.channel("dvel_x").is_some() { 1.0 / imu.interval.max(1e-9) } else { 1.0 };
     let norm = scale * imu.mean[k].hypot(imu.mean[k + 1]).hypot(imu.mean[k + 2]);
-    let [least, most] = place.map_or(GRAVITY, |[lat, _, height]| [normal(lat, height); 2]);
+    let [least, most] =
+        place.map_or(GRAVITY, |[lat, _, height]| [normal_gravity(lat.to_radians(), height); 2]);
     if norm.is_finite() { (least - norm).max(norm - most).max(0.0) } else { 0.0 }
-}
-
-/// Normal gravity of WGS-84, m/s^2, to 1e-4: Moritz (1980), with the first term of the height.
-fn normal(lat: f64, height: f64) -> f64 {
-    let sin = lat.to_radians().sin();
-    9.780_327 * (1.0 + 0.005_302_4 * sin * sin) - 3.086e-6 * height
-}
-
-#[cfg(test)]
-mod tests {
-    use super::normal;
-
-    /// Gravity at the equator and at a pole (GRS 80), and 1 km above.
-    #[test]
-    fn gravity_grows_to_the_pole_and_falls_with_the_height() {
-        for (lat, height, gravity) in
-            [(0.0, 0.0, 9.780_327), (90.0, 0.0, 9.832_186), (45.0, 1000.0, 9.803_17)]
-        {
-            assert!((normal(lat, height) - gravity).abs() < 2e-4, "{lat} {height}");
-        }
-    }
 }

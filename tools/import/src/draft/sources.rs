@@ -88,14 +88,12 @@ pub(super) fn beams(out: &mut Text, beams: &Beams, aimed: Option<&Aimed>) {
     match (&beams.azimuth, aimed) {
         (_, Some(aimed)) => out.ask(&list(&aimed.azimuth), why),
         (Some(azimuth), None) => out.line(&list(azimuth)),
-        (None, None) if beams.count == 3 => {
-            out.ask(&list(&[0.0, 120.0, 240.0]), "from forward to the right, of each beam");
-        }
         (None, None) => {
-            out.ask(&list(&[45.0, 135.0, 225.0, 315.0]), "from forward to the right, of each beam");
+            let usual = Beams::usual(beams.count);
+            out.ask(&list(usual), "from forward to the right, of each beam");
         }
     }
-    let known = if beams.slant.is_some() { 0.005 } else { beams::UNKNOWN };
+    let known = if beams.slant.is_some() { beams::KNOWN } else { beams::UNKNOWN };
     let scale = 100.0 * aimed.map_or(known, |aimed| aimed.scale);
     out.ask(
         &format!("scale = {{ sigma = \"{scale:.1} %\" }}"),
