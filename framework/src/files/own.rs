@@ -95,9 +95,9 @@ pub(super) fn list(path: &Path, file: &File) {
 /// When it cannot be created, or a file at the path has to stay ([`check_output`]).
 pub fn create_growing(path: &Path) -> io::Result<File> {
     check_output(path)?;
-    let file = File::create(path)?;
+    // listed first: a program that is killed between the two leaves no file that nobody wrote
     list_part(path);
-    Ok(file)
+    File::create(path)
 }
 
 /// Adds a file that is being written to the list.

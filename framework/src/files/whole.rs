@@ -60,8 +60,9 @@ impl WholeFile {
         let part = part_of(&path);
         check_output(&part)?;
         keep(&part)?;
-        let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
+        // listed first: a program that is killed between the two leaves no part that nobody wrote
         list_part(&part);
+        let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
         if let Ok(existing) = fs::metadata(&path) {
             file.set_permissions(existing.permissions())?;
         }
@@ -128,6 +129,18 @@ mod tests {
         assert_eq!(fs::read_to_string(&path)?, "newer");
         assert!(!part_of(&path).exists());
         Ok(())
+    }
+
+    /// The part cannot be created where a folder is, as if the program had been killed before.
+    #[test]
+    fn a_part_is_listed_before_it_is_there() -> io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("run.mcap");
+        fs::create_dir(part_of(&path))?;
+        assert!(WholeFile::create(&path).is_err());
+        fs::remove_dir(part_of(&path))?;
+        fs::write(part_of(&path), "")?;
+        write_whole(&path, b"log")
     }
 
     #[cfg(unix)]
