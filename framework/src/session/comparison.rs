@@ -2,6 +2,7 @@
 
 use crate::checkpoint::saved;
 use crate::model::record::Epoch;
+use crate::state::carried::Back;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, Handle, Layout};
 use crate::units::time::Time;
@@ -64,7 +65,7 @@ impl Compared {
         let time = epoch.state.time;
         self.interval = self.time.replace(time).map_or(0.0, |before| time.since(before));
         self.value.copy_from_slice(&epoch.state.values[block.range()]);
-        self.truth.copy_from_slice(&truth[block.range()]);
+        self.truth.copy_from_slice(truth);
         let own = block.tangent_range();
         for i in 0..own.len() {
             for j in 0..=i {
@@ -158,7 +159,10 @@ impl Comparison {
             for (slot, block) in
                 epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot])
             {
-                self.compared[slot].replace(block, epoch, &truth.state.values);
+                let mut back = Back::default();
+                let states = [truth.state, epoch.state];
+                let value = epoch.layout.true_value(slot, states, truth.known, &mut back);
+                self.compared[slot].replace(block, epoch, value);
             }
         }
     }

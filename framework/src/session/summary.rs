@@ -252,7 +252,7 @@ impl Statistics {
             let before = Some(&last.compared[slot]).filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
-                    block.show_error(&state.values, &truth.state.values, &mut error);
+                    truth.show_error(layout, slot, state, &mut error);
                     (Some(error[..n].to_vec()), sigma[..n].to_vec())
                 }
                 Some(compared) => (Some(compared.error()), compared.sigma()),

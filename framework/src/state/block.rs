@@ -182,9 +182,13 @@ impl Block {
 
     /// Estimate minus reference in the display unit.
     pub fn show_error(&self, estimate: &[f64], reference: &[f64], out: &mut [f64]) {
+        self.show_difference(&estimate[self.range()], &reference[self.range()], out);
+    }
+
+    /// As [`Self::show_error`] for values of this block alone.
+    pub(crate) fn show_difference(&self, estimate: &[f64], reference: &[f64], out: &mut [f64]) {
         use crate::state::manifold::Reading;
         let n = self.operations.tangent;
-        let (estimate, reference) = (&estimate[self.range()], &reference[self.range()]);
         if self.operations.reading == Reading::Tangent {
             (self.operations.local)(estimate, reference, &mut out[..n]);
         } else {

@@ -19,6 +19,9 @@ use crate::state::layout::Carried;
 use crate::state::manifold::{MAX_TANGENT, Manifold, Position};
 use crate::state::{Layout, State};
 
+/// Value of a block that is carried along: an attitude has the most numbers, four.
+pub(crate) type Back = [f64; 4];
+
 impl Carried {
     fn place(&self, layout: &Layout, values: &[f64]) -> Geodetic {
         Position::load(&values[layout.blocks[self.position].range()])
@@ -100,9 +103,28 @@ impl Layout {
         self.carrying().map(|c| c.place(self, &state.values)).collect()
     }
 
+    /// True value of a block in the axes of an estimate: brought back to its position if it is carried
+    /// along, in `back`.
+    pub(crate) fn true_value<'a>(
+        &self,
+        slot: usize,
+        [truth, estimate]: [&'a State; 2],
+        known: &[bool],
+        back: &'a mut Back,
+    ) -> &'a [f64] {
+        let block = &self.blocks[slot];
+        if self.carrier(slot).is_some() {
+            let back = &mut back[..block.operations.ambient];
+            if self.carried_back(slot, [truth, estimate], known, back) {
+                return back;
+            }
+        }
+        &truth.values[block.range()]
+    }
+
     /// Brings the true value of a block back to the position of an estimate; `false` where it is not
     /// carried along, or the position is not known.
-    pub(super) fn carried_back(
+    fn carried_back(
         &self,
         slot: usize,
         [truth, estimate]: [&State; 2],

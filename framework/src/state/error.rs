@@ -14,6 +14,7 @@
 //! the vertical axis turns. Gravity observes the other two axes, and turning them would make a
 //! filter that is aided by depth alone overconfident.
 
+use crate::state::carried::Back;
 use crate::state::covariance::Covariance;
 use crate::state::layout::Turning;
 use crate::state::manifold::{MAX_TANGENT, left_jacobian};
@@ -211,15 +212,10 @@ impl Layout {
     pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {
         out.fill(0.0);
         let uncertain = |slot: usize| known[slot] && self.blocks[slot].tangent.is_some();
-        let mut back = [0.0; 4];
+        let mut back = Back::default();
         for (slot, block) in self.blocks.iter().enumerate().filter(|(slot, _)| uncertain(*slot)) {
-            let (mut to, from) = (&truth.values[block.range()], &estimate.values[block.range()]);
-            if self.carrier(slot).is_some() {
-                let back = &mut back[..block.operations.ambient];
-                if self.carried_back(slot, [truth, estimate], known, back) {
-                    to = back;
-                }
-            }
+            let to = self.true_value(slot, [truth, estimate], known, &mut back);
+            let from = &estimate.values[block.range()];
             (block.operations.local)(to, from, &mut out[block.tangent_range()]);
         }
         for t in self.turning.iter().filter(|t| uncertain(t.velocity) && uncertain(t.attitude)) {

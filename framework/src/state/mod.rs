@@ -4,7 +4,7 @@
 mod back;
 pub mod block;
 pub mod block_set;
-mod carried;
+pub(crate) mod carried;
 pub mod covariance;
 pub mod display;
 pub(crate) mod dynamics;

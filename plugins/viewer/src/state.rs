@@ -236,7 +236,7 @@ impl BlockSeries {
         block.show_sigma(values, epoch.covariance, &mut sigma);
         if let Some(known) = epoch.truth.filter(|t| t.known[self.slot]) {
             self.show(block, &known.state.values, &mut truth);
-            block.show_error(values, &known.state.values, &mut error);
+            known.show_error(epoch.layout, self.slot, epoch.state, &mut error);
         }
         let time = epoch.state.time;
         for k in 0..self.components.len() {

@@ -123,7 +123,7 @@ impl Collector {
             if !truth.known[slot] || epoch.layout.is_transient(slot) {
                 continue;
             }
-            block.show_error(&epoch.state.values, &truth.state.values, &mut error);
+            truth.show_error(epoch.layout, slot, epoch.state, &mut error);
             (0..n).for_each(|k| values[2 * (first + k)] = error[k]);
             let range = block.tangent_range();
             let own: Vec<usize> = range.collect();

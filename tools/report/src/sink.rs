@@ -171,7 +171,8 @@ fn row(epoch: &Epoch<'_>, slot: usize, block: &Block) -> Row {
         time: epoch.state.time.seconds(),
         estimate: show(&|out| block.show(values, out)),
         sigma: show(&|out| block.show_sigma(values, epoch.covariance, out)),
-        error: truth
-            .map_or_else(Vec::new, |t| show(&|out| block.show_error(values, &t.state.values, out))),
+        error: truth.map_or_else(Vec::new, |t| {
+            show(&|out| t.show_error(epoch.layout, slot, epoch.state, out))
+        }),
     }
 }

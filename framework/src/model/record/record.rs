@@ -2,6 +2,7 @@
 
 use crate::model::record::finding::Finding;
 use crate::model::record::{Event, Outcome, Rejection};
+use crate::state::carried::Back;
 use crate::state::covariance::{Covariance, Transition, Update, standard_deviation};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId, channels};
@@ -70,6 +71,16 @@ pub struct Truth<'a> {
     pub state: &'a State,
     /// Which blocks of the state are known, one entry per slot.
     pub known: &'a [bool],
+}
+
+impl Truth<'_> {
+    /// Error of the estimate of a block in its display unit, the truth in the axes of the estimate: near
+    /// a pole north differs between them.
+    pub fn show_error(&self, layout: &Layout, slot: usize, estimate: &State, out: &mut [f64]) {
+        let (block, mut back) = (&layout.blocks[slot], Back::default());
+        let truth = layout.true_value(slot, [self.state, estimate], self.known, &mut back);
+        block.show_difference(&estimate.values[block.range()], truth, out);
+    }
 }
 
 /// A filter takes all samples since its start once more, linearised at another trajectory. Until the

@@ -201,7 +201,7 @@ impl EstimateColumns {
             self.row.extend_from_slice(&numbers[..n]);
             if *error {
                 match epoch.truth.filter(|t| t.known[slot]) {
-                    Some(truth) => block.show_error(values, &truth.state.values, &mut numbers),
+                    Some(t) => t.show_error(epoch.layout, slot, epoch.state, &mut numbers),
                     None => numbers.fill(f64::NAN),
                 }
                 axes.turn(&mut numbers);

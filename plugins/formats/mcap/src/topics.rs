@@ -259,7 +259,7 @@ impl Blocks {
             block.show_sigma(values, epoch.covariance, &mut sigma);
             let truth = epoch.truth.filter(|t| t.known[slot]);
             if let Some(truth) = truth {
-                block.show_error(values, &truth.state.values, &mut error);
+                truth.show_error(epoch.layout, slot, epoch.state, &mut error);
             }
             let shown = BlockValues {
                 name: &block.name,
