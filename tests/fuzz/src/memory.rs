@@ -50,6 +50,5 @@ pub fn nmea_sentences(bytes: &[u8]) -> usize {
 
 /// A map of heights; returns 1 for one.
 pub fn grid(bytes: &[u8]) -> usize {
-    let text = String::from_utf8_lossy(bytes);
-    navfuse_terrain::Grid::parse(&text).map_or(0, |_| 1)
+    navfuse_terrain::Grid::read(bytes).map_or(0, |_| 1)
 }

@@ -266,6 +266,16 @@ fn acoustic_positioning_conforms() -> Result<(), Failed> {
         lever_arm = { sigma = "5 cm" }
         sound = "water"
         simulation = { rate = "1 Hz", reach = "1 km" }
+        [sensor.dock]
+        type = "landmark"
+        range_noise = "10 cm"
+        angle_noise = "0.5 deg"
+        place = { latitude = "43.001 deg", longitude = "0.0005 deg", height = "-20 m" }
+        displacement = { sigma = "50 cm" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["1 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        polar = true
+        simulation = { rate = "1 Hz" }
         "#,
     )?;
     conforms(

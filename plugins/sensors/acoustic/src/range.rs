@@ -4,12 +4,11 @@
 //! A long baseline is several of these sensors, one for each transponder (Whitcomb, Yoerger and Singh,
 //! *Advances in Doppler-Based Navigation of Underwater Robotic Vehicles*, ICRA 1999).
 
-use crate::line::line;
+use crate::place::{Displaced, Place};
 use crate::sound::Ratio;
 use navfuse_core::Real;
 use navfuse_core::model::sensor::limits::Limit;
 use navfuse_core::prelude::*;
-use navfuse_core::units::{Latitude, Longitude};
 use navfuse_ins::Navigation;
 
 /// Acoustic range to one transponder, half the way of ping and reply without the delay of the
@@ -20,7 +19,7 @@ pub struct AcousticRange {
     /// 1-sigma noise of one range.
     pub noise: Sigma<Length>,
     /// Place of the transponder.
-    pub transponder: Transponder,
+    pub transponder: Place,
     /// North, east and down of the true place from the given one: with a `sigma`, the place is a
     /// state. Default: zero.
     #[serde(default)]
@@ -39,18 +38,6 @@ pub struct AcousticRange {
     pub simulation: Simulated,
 }
 
-/// Place of a transponder.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Transponder {
-    /// Geodetic latitude.
-    pub latitude: Latitude,
-    /// Longitude.
-    pub longitude: Longitude,
-    /// Height above the ellipsoid.
-    pub height: Length,
-}
-
 /// Simulation of a range.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -58,8 +45,6 @@ pub struct Simulated {
     /// Range beyond which the transponder does not hear the vehicle. Default: none.
     pub reach: Option<Positive<Length>>,
 }
-
-const NED: Display = Display { components: &["north", "east", "down"], ..display::LEVER_ARM };
 
 impl SensorType for AcousticRange {
     const TYPE: &'static str = "acoustic-range";
@@ -77,14 +62,8 @@ impl SensorType for AcousticRange {
         let arm = self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
         composer.mounted(Mounting::at(arm));
         Ok(Role::measurement(RangeModel {
-            near_pole: self.transponder.latitude.angle().si().cos() < NEAR_POLE,
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
-            transponder: Geodetic {
-                latitude: self.transponder.latitude.angle().si(),
-                longitude: self.transponder.longitude.angle().si(),
-                height: self.transponder.height.si(),
-            },
-            displacement: self.displacement.block(composer, "displacement", &[0.0; 3], NED)?,
+            transponder: Displaced::new(composer, &self.transponder, self.displacement)?,
             ratio: Ratio::find(composer, self.sound.as_deref())?,
             lever_arm: arm,
             sigma: self.noise.value().si(),
@@ -97,17 +76,11 @@ impl SensorType for AcousticRange {
 /// m/s: an error of 3 % of the 2.7 m of a vehicle at 2 m/s and 1 km is 4 cm of half that way.
 const SOUND: f64 = 1500.0;
 
-/// Cosine of a latitude beyond which the meridians over 3 km are not parallel: at 89.5 deg by 3 deg.
-const NEAR_POLE: f64 = 0.0087;
-
 /// The measurement model of an [`AcousticRange`].
 #[derive(Clone, Debug)]
 struct RangeModel {
     navigation: Navigation,
-    transponder: Geodetic,
-    /// Set if the meridians of vehicle and transponder differ by more than the displacement is known.
-    near_pole: bool,
-    displacement: Handle<Vector<3>>,
+    transponder: Displaced,
     ratio: Ratio,
     lever_arm: Handle<Vector<3>>,
     /// 1-sigma, m.
@@ -119,17 +92,8 @@ struct RangeModel {
 impl MeasurementModel<1> for RangeModel {
     /// The place of the ping is `p - v tau`, with the time `tau = 2 |p - q| / c` of the travel.
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
-        // lever arm and displacement are added as vectors, which metres resolve better than radians
-        let position = x.get(self.navigation.position);
-        let mut displacement = x.get(self.displacement);
-        if self.near_pole {
-            // north of the transponder is another direction than north of the vehicle
-            let (sin, cos) = self.transponder.cast().turn_to(&position).sin_cos();
-            let [north, east] = [displacement.x, displacement.y];
-            displacement.x = cos * north - sin * east;
-            displacement.y = sin * north + cos * east;
-        }
-        let reply = line(&position, &self.transponder.cast()) + displacement
+        // the lever arm is added as a vector, which metres resolve better than radians
+        let reply = self.transponder.seen_from(x, &x.get(self.navigation.position))
             - x.get(self.navigation.attitude) * x.get(self.lever_arm);
         let travelled = reply.norm() * convert(2.0 / SOUND);
         let ping = reply + x.get(self.navigation.velocity) * travelled;

@@ -9,12 +9,13 @@
 //! `d` is compared in Cartesian axes, where a vehicle straight below the ship has no special
 //! place: a bearing is not defined there.
 
+use crate::direction::{Accuracy, OFFSET, POLAR, add_polar, complete};
 use crate::line::line;
 use crate::ship::Course;
 use crate::sound::Ratio;
 use navfuse_core::Real;
 use navfuse_core::model::sensor::body::Body;
-use navfuse_core::nalgebra::{Matrix3, Rotation3};
+use navfuse_core::nalgebra::Rotation3;
 use navfuse_core::prelude::*;
 use navfuse_ins::Navigation;
 
@@ -64,29 +65,25 @@ fn exact() -> Sigma<Length> {
     Sigma::from_si(0.0)
 }
 
-const CHANNELS: [(&str, &str); 12] = [
-    ("offset_x", "m"),
-    ("offset_y", "m"),
-    ("offset_z", "m"),
+const POSE: [(&str, &str); 6] = [
     ("ship_lat", "rad"),
     ("ship_lon", "rad"),
     ("ship_height", "m"),
     ("ship_roll", "rad"),
     ("ship_pitch", "rad"),
     ("ship_heading", "rad"),
-    ("range", "m"),
-    ("bearing", "rad"),
-    ("elevation", "rad"),
 ];
-const SHIP: usize = 3;
-const POLAR: usize = 9;
+/// The first channel of the pose of the ship, and of range, bearing and elevation.
+const SHIP: usize = OFFSET.len();
+const DIRECTION: usize = SHIP + POSE.len();
 
 impl SensorType for Usbl {
     const TYPE: &'static str = "usbl";
 
     fn channels(&self) -> Vec<Channel> {
-        let count = if self.polar { CHANNELS.len() } else { POLAR };
-        CHANNELS[..count].iter().map(|(name, unit)| Channel::new(*name, unit)).collect()
+        let polar = POLAR.into_iter().filter(|_| self.polar);
+        let all = OFFSET.into_iter().chain(POSE).chain(polar);
+        all.map(|(name, unit)| Channel::new(name, unit)).collect()
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
@@ -110,8 +107,10 @@ impl SensorType for Usbl {
             c_s_t: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
             ratio: Ratio::find(composer, self.sound.as_deref())?,
             lever_arm,
-            range: self.range_noise.value().si(),
-            angle: self.angle_noise.value().si(),
+            accuracy: Accuracy {
+                range: self.range_noise.value().si(),
+                angle: self.angle_noise.value().si(),
+            },
             ship: self.ship_noise.value().si(),
             polar: self.polar,
             simulated: self.simulation,
@@ -128,10 +127,7 @@ struct UsblModel {
     transceiver: Handle<Vector<3>>,
     c_s_t: Handle<Rotation>,
     ratio: Ratio,
-    /// 1-sigma of the range, m.
-    range: f64,
-    /// 1-sigma of the direction, rad.
-    angle: f64,
+    accuracy: Accuracy,
     /// 1-sigma of the ship's position, m.
     ship: f64,
     polar: bool,
@@ -176,32 +172,15 @@ impl MeasurementModel<3> for UsblModel {
         c_s_t * in_ship * ratio
     }
 
-    /// `R = s_r^2 u u' + (s_a d)^2 (I - u u') + s_s^2 I`, with the unit vector `u` of the measured
-    /// line of sight, or of the predicted one where the sample has none.
+    /// The noise of range and direction, and that of the ship's position.
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
-        let measured = [0, 1, 2].map(|k| x.channel(k));
-        let offset = match measured {
-            [Some(x), Some(y), Some(z)] => Vector3::new(x, y, z),
-            _ => self.predict(x),
-        };
-        let along = offset * offset.transpose() / offset.norm_squared();
-        let across = Matrix3::identity() - along;
-        along * self.range.powi(2)
-            + across * (self.angle.powi(2) * offset.norm_squared())
-            + Matrix3::identity() * self.ship.powi(2)
+        let ship = SMatrix::from_diagonal_element(self.ship.powi(2));
+        self.accuracy.variance(x, || self.predict(x)) + ship
     }
 
-    /// Computes the Cartesian channels of a sample with range, bearing and elevation alone.
     fn complete(&self, sample: &mut Sample) {
-        let [Some(range), Some(bearing), Some(elevation)] =
-            [0, 1, 2].map(|k| sample.get(POLAR + k))
-        else {
-            return;
-        };
-        let level = range * elevation.cos();
-        let offset = [level * bearing.cos(), level * bearing.sin(), -range * elevation.sin()];
-        for (k, value) in offset.into_iter().enumerate().filter(|_| self.polar) {
-            sample.set(k, sample.get(k).unwrap_or(value));
+        if self.polar {
+            complete(sample, DIRECTION);
         }
     }
 
@@ -214,11 +193,8 @@ impl MeasurementModel<3> for UsblModel {
             }
         }
         scene.measure(self, sample);
-        let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(|k| sample.get(k)) else { return };
         if self.polar {
-            let level = x.hypot(y);
-            let polar = [level.hypot(z), y.atan2(x), (-z).atan2(level)];
-            polar.into_iter().enumerate().for_each(|(k, value)| sample.set(POLAR + k, value));
+            add_polar(sample, DIRECTION);
         }
     }
 }

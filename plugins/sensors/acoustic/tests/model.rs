@@ -45,6 +45,17 @@ const SCENARIO: &str = r#"
     sound = "water"
     simulation = { rate = "1 Hz", reach = "2 km" }
 
+    [sensor.dock]
+    type = "landmark"
+    range_noise = "2 cm"
+    angle_noise = "1 deg"
+    place = { latitude = "57 deg", longitude = "60 deg", height = "-100 m" }
+    displacement = { sigma = "1 m" }
+    misalignment = { sigma = "1 deg" }
+    lever_arm = { initial = ["2 m", "0 m", "0.5 m"], sigma = "5 cm" }
+    polar = true
+    simulation = { rate = "2 Hz", reach = "30 m", view = "45 deg" }
+
     [sensor.reference]
     simulation = { rate = "1 Hz" }
 
@@ -192,4 +203,53 @@ fn a_transponder_beyond_its_reach_is_silent() {
     let now = Time::default();
     let simulated = |ned| bench("beacon", ned).simulate(now, now).get(0).is_some();
     assert!(simulated([1900.0, 0.0, 0.0]) && !simulated([2100.0, 0.0, 0.0]));
+}
+
+/// The vehicle heads north, 20 m south of the dock, 3 m west of it and 4 m above it; the camera is 2 m
+/// forward and 0.5 m down: 18 m forward, 3 m to the right, 3.5 m down. A body that heads 10 deg to the right
+/// of the camera has the dock farther to the right of it, and a dock 1 m north of its place is 1 m farther.
+#[test]
+fn a_landmark_is_forward_right_and_down_of_the_camera() {
+    let mut bench = bench("dock", [-20.0, -3.0, 96.0]);
+    let found = Vector3::from_vec(bench.predict());
+    let expected = Vector3::new(18.0, 3.0, 3.5);
+    // 96 m below the ellipsoid, a step of the geodetic coordinates is 1.5e-5 shorter
+    assert!((found - expected).norm() < 1e-3, "{found}");
+    bench.set("dock.displacement", &[1.0, 0.0, 0.0]);
+    let farther = Vector3::from_vec(bench.predict());
+    assert!((farther - found - Vector3::x()).norm() < 1e-6, "{farther}");
+    bench.set("dock.displacement", &[0.0; 3]);
+    bench.set("dock.misalignment", &[0.0, 0.0, 10_f64.to_radians()]);
+    let turned = Vector3::from_vec(bench.predict());
+    let (sin, cos) = 10_f64.to_radians().sin_cos();
+    let right = Vector3::new(18.0 * cos - 3.0 * sin, 3.0 * cos + 18.0 * sin, 3.5);
+    assert!((turned - right).norm() < 1e-3, "{turned}");
+    let error = bench.jacobian_error();
+    assert!(error < 1e-6, "{error}");
+}
+
+/// At 10 m, 1 deg is 17.5 cm across the line of sight.
+#[test]
+fn a_landmark_is_uncertain_across_the_line_of_sight() {
+    let bench = bench("dock", [-12.0, 0.0, 99.5]);
+    let variances = bench.variances(&ModelBench::sample(&[10.0, 0.0, 0.0]));
+    let across = (10.0 * 1_f64.to_radians()).powi(2);
+    for (found, expected) in variances.iter().zip([4e-4, across, across]) {
+        assert!((found / expected - 1.0).abs() < 1e-9, "{variances:?}");
+    }
+}
+
+/// The camera is 2 m before the IMU and looks north, to which 45 deg on either side belong.
+#[test]
+fn a_landmark_is_seen_within_reach_and_view() {
+    let now = Time::default();
+    let seen = |ned| bench("dock", ned).simulate(now, now);
+    let sample = seen([-25.0, 0.0, 99.5]);
+    let [x, range] = [0, 3].map(|k| sample.get(k).expect("it is seen"));
+    // some noise of 2 cm, and 1 deg of 23 m across
+    assert!((x - 23.0).abs() < 0.1 && (range - 23.0).abs() < 0.1, "{sample:?}");
+    for out_of_sight in [[-33.0, 0.0, 99.5], [-10.0, 9.0, 99.5], [10.0, 0.0, 99.5]] {
+        let sample = seen(out_of_sight);
+        assert!((0..6).all(|k| sample.get(k).is_none()), "{out_of_sight:?}: {sample:?}");
+    }
 }

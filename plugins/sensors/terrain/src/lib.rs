@@ -1,8 +1,9 @@
 //! Terrain navigation: an altimeter over a bottom that a map knows.
 //!
 //! - [`Terrain`]: the sensor, a range along one beam.
-//! - [`Grid`]: the map, heights on a grid of latitude and longitude, read from ESRI ASCII.
+//! - [`Grid`]: the map, heights on a grid of latitude and longitude, read from GeoTIFF or ESRI ASCII.
 
+mod geotiff;
 mod grid;
 mod sensor;
 

@@ -13,7 +13,8 @@ use navfuse_core::model::sensor::mounting::{Beam, Reach};
 use navfuse_core::prelude::*;
 use navfuse_core::{Real, input, number};
 use navfuse_ins::Navigation;
-use std::path::PathBuf;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Altimeter over a mapped bottom: the range along its beam, down or aslant. It finds the position
@@ -21,7 +22,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Terrain {
-    /// Map of the bottom, a file in ESRI ASCII: heights above the ellipsoid, m, on a grid in degrees.
+    /// Map of the bottom, a GeoTIFF or a file in ESRI ASCII: heights above the ellipsoid, m, on a grid in
+    /// degrees.
     pub map: PathBuf,
     /// 1-sigma noise of one range.
     pub noise: Sigma<Length>,
@@ -43,6 +45,16 @@ pub struct Terrain {
     /// Process whose position is measured.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
+}
+
+/// The bytes of a file.
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    let read = input::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes));
+    match read.map_err(|e| e.to_string())? as u64 {
+        0..=LONGEST => Ok(bytes),
+        _ => Err(format!("it has more than the {} MiB that are allowed", LONGEST >> 20)),
+    }
 }
 
 fn exact() -> Sigma<Length> {
@@ -72,9 +84,8 @@ impl SensorType for Terrain {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let path = composer.file("map", &self.map)?;
-        let text = input::read_text(&path, LONGEST).map_err(|e| e.to_string());
         let named = |e| ComposeError::new("map", format!("{}: {e}", path.display()));
-        let map = Arc::new(text.and_then(|text| Grid::parse(&text)).map_err(named)?);
+        let map = Arc::new(read(&path).and_then(|map| Grid::read(&map)).map_err(named)?);
         let beam =
             Vector3::from(self.beam.map(Ratio::si)).try_normalize(0.0).filter(|u| u.norm() > 0.5);
         let beam = beam.ok_or_else(|| {
