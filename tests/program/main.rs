@@ -36,6 +36,7 @@ mod sensitivity;
 mod slurm;
 mod smoothing;
 mod snapir;
+mod survey;
 mod systems;
 mod terminal;
 mod time_offset;

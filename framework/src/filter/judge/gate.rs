@@ -167,7 +167,9 @@ impl Ekf {
         if passes {
             return nis;
         }
-        let Some(excess) = scatter.excess(update, present) else { return nis };
+        // an innovation that would have jumped with the wider noise too is no noise
+        let jump = slot.lockout.jump();
+        let Some(excess) = scatter.excess(update, present, jump) else { return nis };
         observer.finding(excess.finding(sample.time, &self.composition.sensors[index].info));
         slot.explain();
         let Parts { estimate, signatures, propagation, .. } = &mut self.parts;

@@ -131,6 +131,12 @@ impl Lockout {
         self.streak.is_some_and(|streak| streak.count > OUTLIERS)
     }
 
+    /// The factor of the variance below which the jump of the innovation is one, whatever the noise.
+    pub(in crate::filter) fn jump(&self) -> f64 {
+        let streak = || self.streak.map(|streak| streak.jump);
+        self.isolation.map(|isolation| isolation.jump).or_else(streak).unwrap_or(0.0)
+    }
+
     /// Returns `true` if another gated sample is more than outliers explain.
     pub(in crate::filter) fn at_limit(&self) -> bool {
         self.streak.is_some_and(|streak| streak.count >= OUTLIERS)
@@ -184,9 +190,9 @@ impl Lockout {
         recovery: &Recovery,
         observer: &mut dyn Observer,
     ) -> Verdict {
-        if let Some(streak @ Streak { since, count, step, replaced, .. }) = self.streak {
+        if let Some(streak @ Streak { since, count, jump, replaced, .. }) = self.streak {
             let isolates = recovery.action == Action::Inflate && !evidence.shared && !replaced;
-            if isolates && step && count > OUTLIERS && sample.share > GONE {
+            if isolates && jump > 1.0 && count > OUTLIERS && sample.share > GONE {
                 let gated = format!("every one of {count} samples was gated since {since}");
                 return self.isolate(sample, since, JUMPED, &gated, observer);
             }
@@ -221,10 +227,10 @@ impl Lockout {
         observer: &mut dyn Observer,
     ) -> Verdict {
         let (began, channels) = (sample.time, sample.channels);
-        let count = self.streak.map_or(0, |streak| streak.count);
-        let contradicted = reason == CONTRADICTED;
-        self.isolation = Some(Isolation { since, contradicted, channels, count, began, agreed: 0 });
-        self.streak = None;
+        let Streak { count, jump, .. } = self.streak.take().unwrap_or_default();
+        let (contradicted, agreed) = (reason == CONTRADICTED, 0);
+        self.isolation =
+            Some(Isolation { since, contradicted, channels, count, began, agreed, jump });
         let text = format!("{gated}; the sensor is isolated: {reason}");
         find(sample, Severity::Contained, text, SENSOR, observer);
         Verdict::Isolate
@@ -248,13 +254,14 @@ impl Lockout {
         let gap = self.used.map(|used| sample.time.since(used));
         // the jump is judged against the innovations before it: those of a filter whose noise is
         // too small scatter widely without any fault
-        let jump = sample.nis > STEP * sample.threshold * self.spread.max(1.0);
+        let jump = sample.nis / (STEP * sample.threshold * self.spread.max(1.0));
+        let shows = !self.adopted && gap.is_some_and(|gap| self.rhythm.follows(gap));
         Streak {
             since: sample.time,
             count: 0,
             silence: None,
             replaced: self.used.is_some_and(|used| replaced >= used),
-            step: jump && !self.adopted && gap.is_some_and(|gap| self.rhythm.follows(gap)),
+            jump: if shows { jump } else { 0.0 },
             contradicted: false,
             reported: false,
             largest: sample.largest,
@@ -280,7 +287,8 @@ impl Lockout {
         }
         streak.contradicted = evidence.contradicted.unwrap_or(streak.contradicted);
         self.streak = Some(streak);
-        let Streak { since, count, silence, replaced, step, contradicted, reported, .. } = streak;
+        let Streak { since, count, silence, replaced, jump, contradicted, reported, .. } = streak;
+        let step = jump > 1.0;
         // a single gated sample is expected; several in a row are worth a warning
         if count == IN_A_ROW {
             let text =
@@ -408,9 +416,9 @@ impl Lockout {
         observer: &mut dyn Observer,
     ) {
         if channels != 0 {
-            let (contradicted, count, agreed) = (true, 0, 0);
+            let (contradicted, count, agreed, jump) = (true, 0, 0, 0.0);
             self.isolation =
-                Some(Isolation { since, contradicted, channels, count, began, agreed });
+                Some(Isolation { since, contradicted, channels, count, began, agreed, jump });
         }
         self.streak = None;
         let text = format!(

@@ -185,12 +185,13 @@ impl Scatter {
     }
 
     /// The largest excess, where the filter follows the minority of the samples and the noise of one
-    /// group is far above the stated one. The noise of each group becomes that of its samples, and
-    /// the one of this update with it.
+    /// group is above the stated one by more than a factor of the variance. The noise of each group
+    /// becomes that of its samples, and the one of this update with it.
     pub(in crate::filter) fn excess(
         &mut self,
         update: &mut Update,
         present: u16,
+        above: f64,
     ) -> Option<Excess> {
         if self.refused < REFUSED {
             return None;
@@ -200,7 +201,7 @@ impl Scatter {
             groups.clone().filter_map(move |(group, seen)| Some((*group, seen.factor(least)?)))
         };
         let (worst, most) = factors(KEPT).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        if most < LEAST {
+        if most < LEAST.max(above) {
             return None;
         }
         let mut grown = [1.0; MAX_CHANNELS];
@@ -244,7 +245,7 @@ mod tests {
             update.innovation.extend((0..3).map(|_| error(k) + sigma * random.normal()));
             scatter.take(&update, 0b111, &left, true);
             left[..3].copy_from_slice(&update.innovation);
-            scatter.excess(&mut update, 0b111).map(|excess| excess.factor)
+            scatter.excess(&mut update, 0b111, 0.0).map(|excess| excess.factor)
         })
     }
 
@@ -267,6 +268,27 @@ mod tests {
             assert_eq!(found(seed, 1.0, |k| 1000.0 * (k as f64 / 20.0).sin()), None);
             assert_eq!(found(seed, 1.0, |k| if k < 100 { 0.0 } else { 1e6 }), None);
         }
+    }
+
+    /// Noise of twice the stated sigma beside a jump by 40 of them: the noise does not explain the jump.
+    #[test]
+    fn a_noise_does_not_explain_a_jump() {
+        let found = |jump| {
+            let mut scatter = Scatter::new(&[0b1]);
+            let (mut random, mut left) = (Random::new(3, "scatter"), [0.0; MAX_CHANNELS]);
+            let mut update = Update::with_capacity(1, 1);
+            (0..300).find_map(|k| {
+                (update.m, update.r) = (1, vec![1.0]);
+                let error = if k < 10 { 0.0 } else { 40.0 };
+                update.innovation = vec![error + 2.0 * random.normal()];
+                scatter.take(&update, 1, &left, true);
+                left[0] = update.innovation[0];
+                scatter.excess(&mut update, 1, jump)
+            })
+        };
+        // the gate of one channel is 10.8
+        assert_eq!(found(1600.0 / (4.0 * 10.8)), None);
+        assert!(found(0.0).is_some());
     }
 
     /// Walks of the filter's error, of five times the noise in each step.
@@ -293,7 +315,7 @@ mod tests {
             let outlier = if k % 20 == 0 { 100.0 } else { -100.0 };
             update.innovation = vec![if k % 10 == 0 { outlier } else { 0.0 }];
             scatter.take(&update, 1, &[0.0; MAX_CHANNELS], k % 10 == 0);
-            assert_eq!(scatter.excess(&mut update, 1), None);
+            assert_eq!(scatter.excess(&mut update, 1, 0.0), None);
         }
     }
 }

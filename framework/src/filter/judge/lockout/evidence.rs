@@ -87,8 +87,9 @@ pub(in crate::filter) struct Streak {
     pub(super) silence: Option<f64>,
     /// Set if driving samples were replaced since the last used sample.
     pub(super) replaced: bool,
-    /// Set if the innovation jumped.
-    pub(super) step: bool,
+    /// NIS of the first sample as a multiple of that from which on an innovation jumped; zero where a jump
+    /// is no evidence.
+    pub(super) jump: f64,
     /// Set if other sensors contradicted the last sample.
     pub(super) contradicted: bool,
     /// Set once the lock-out has been reported.
@@ -97,7 +98,7 @@ pub(in crate::filter) struct Streak {
     pub(super) largest: Largest,
 }
 
-saved!(Streak { since, count, silence, replaced, step, contradicted, reported, largest });
+saved!(Streak { since, count, silence, replaced, jump, contradicted, reported, largest });
 
 /// Isolation of a sensor: its samples are judged and not used.
 #[derive(Clone, Copy, Default)]
@@ -114,9 +115,11 @@ pub(in crate::filter) struct Isolation {
     pub(super) began: Time,
     /// Number of samples in a row that agreed.
     pub(super) agreed: u32,
+    /// The jump of the streak before it.
+    pub(super) jump: f64,
 }
 
-saved!(Isolation { since, contradicted, channels, count, began, agreed });
+saved!(Isolation { since, contradicted, channels, count, began, agreed, jump });
 
 /// A sensor that was found to be wrong.
 #[derive(Clone, Copy)]
