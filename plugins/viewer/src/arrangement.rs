@@ -1,12 +1,13 @@
 //! The tabs of a run: the overview first, then what it is made of.
 
+mod sensors;
+
 use crate::blueprint::{Layout, height};
-use crate::innovation::SensorSeries;
 use crate::legend;
 use crate::map::Graticule;
 use crate::overview;
+use crate::polar::Polar;
 use crate::run::Run;
-use crate::samples::SampleSeries;
 use crate::scene::{AROUND, DISTANCE, LIVE_VEHICLE, VEHICLE};
 use crate::state::{BlockSeries, Plots, end_of_run};
 use crate::style::{label, title};
@@ -15,7 +16,7 @@ use crate::track::{Extent, Motion};
 use re_sdk::RecordingStreamResult;
 use re_sdk::blueprint::components::Corner2D;
 use re_sdk::blueprint::{
-    ContainerLike, Grid, Horizontal, MapView, Spatial2DView, Spatial3DView, Tabs, TextDocumentView,
+    ContainerLike, Horizontal, MapView, Spatial2DView, Spatial3DView, Tabs, TextDocumentView,
     Vertical,
 };
 use re_sdk::log::LogMsg;
@@ -128,7 +129,8 @@ impl Layout {
         let track = run.track.as_ref().map(|track| {
             let name = enlarged("From above", track, self.ranges);
             let view = Spatial2DView::new(name.as_str());
-            let view = ContainerLike::from(view.with_origin("/plan"));
+            let contents = ["+ /plan/**", "- /plan/polar/**"];
+            let view = ContainerLike::from(view.with_origin("/plan").with_contents(contents));
             if let Some(plan) = crate::plan::Plan::new(&track.extent).filter(|_| self.ranges) {
                 self.set(&view, "VisualBounds2D", plan.bounds());
             }
@@ -189,7 +191,17 @@ impl Layout {
     /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
     fn track(&mut self, run: &Run) -> Option<ContainerLike> {
         let track = run.track.as_ref()?;
-        let [whole, map] = self.overviews(&track.extent);
+        let [whole, mut map] = self.overviews(&track.extent);
+        if let Some(polar) = Polar::of(track).filter(|_| self.ranges) {
+            // the projection of the map has no pole
+            let title = polar.title();
+            // without the grid and the header of the plan
+            let without = ["grid", "distances", "named/**", "scale", "legend", "north"];
+            let without = without.iter().map(|part| format!("- /plan/{part}"));
+            let contents = std::iter::once("+ /plan/**".to_owned()).chain(without);
+            let view = Spatial2DView::new(title.as_str()).with_origin("/plan");
+            map = view.with_contents(contents).into();
+        }
         let follow = self.follow("3-D, follows the vehicle", track);
         let right = Vertical::new([follow, map]).into();
         let both = Horizontal::new([whole, right]).with_column_shares(vec![1.3, 1.0]);
@@ -228,8 +240,10 @@ impl Layout {
         let contents = ["+ /world/**", "- /world/vehicle/**", "+ /world/vehicle/here"];
         let whole = self.space(&name, "/", extent, &contents);
         let graticule = Graticule::new(extent).filter(|_| self.ranges);
-        let title = |g: &Graticule| format!("Map, {}", g.title());
-        let name = graticule.as_ref().map_or_else(|| "Map".to_owned(), title);
+        let name = match self.ranges {
+            true => crate::map::title(extent, graticule.as_ref()),
+            false => "Map".to_owned(),
+        };
         let plane = ContainerLike::from(MapView::new(name.as_str()).with_origin("/map"));
         if let Some(graticule) = graticule {
             self.set(&plane, "MapZoom", MapZoom::new(graticule.zoom()));
@@ -283,7 +297,10 @@ impl Layout {
                 let plots = match &block.components[k].plots {
                     Some(plots) => self.component(&name, block, k, plots),
                     None if self.ranges => continue,
-                    None => vec![self.plot(&name, &[format!("+ {}", block.live_entity(k))], None)],
+                    None => {
+                        let name = label(&name, block.components[k].unit);
+                        vec![self.plot(&name, &[format!("+ {}", block.live_entity(k))], None)]
+                    }
                 };
                 rows.push(Horizontal::new(plots).into());
             }
@@ -334,71 +351,6 @@ impl Layout {
         self.corner = plots.corners.sigma;
         all.push(self.plot_of(&title, &sigma, Some(plots.logarithms), None, pixels));
         all
-    }
-
-    /// The innovations of a sensor and its NIS; `None` without samples.
-    fn innovations(&mut self, sensor: &SensorSeries) -> Option<ContainerLike> {
-        let channels: Vec<_> =
-            sensor.channels.iter().filter(|c| c.plot.is_some() || !self.ranges).collect();
-        let count = channels.len() + usize::from(sensor.nis.is_some());
-        if count == 0 {
-            return None;
-        }
-        let columns = if count > 3 { 2 } else { 1 };
-        self.rows = count.div_ceil(columns);
-        let mut plots = Vec::new();
-        if let Some(plot) = &sensor.nis {
-            (self.legend, self.corner) = (true, plot.corner);
-            let contents = [format!("+ {}/**", sensor.nis_path)];
-            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
-        }
-        for (k, channel) in sensor.channels.iter().enumerate() {
-            self.legend = plots.len() < 2;
-            match &channel.plot {
-                Some(plot) => {
-                    self.corner = plot.corner;
-                    let contents = [format!("+ {}/**", channel.path)];
-                    let name = format!("{} {}", sensor.name, plot.name);
-                    plots.push(self.plot(&name, &contents, Some(plot.range)));
-                }
-                None if !self.ranges => {
-                    let contents = [format!("+ {}", sensor.live_entity(k))];
-                    plots.push(self.plot(sensor.channel(k), &contents, None));
-                }
-                None => {}
-            }
-        }
-        // an odd number of plots leaves no empty place: the NIS has a row of its own
-        let wide =
-            (columns == 2 && count % 2 == 1 && sensor.nis.is_some()).then(|| plots.remove(0));
-        let grid = Grid::new(plots).with_grid_columns(columns as u32);
-        Some(match wide {
-            None => grid.with_name(sensor.name.as_str()).into(),
-            Some(nis) => {
-                let shares = [1.0, (self.rows - 1) as f32];
-                let rows = Vertical::new([nis, grid.into()]).with_row_shares(shares);
-                rows.with_name(sensor.name.as_str()).into()
-            }
-        })
-    }
-
-    /// The samples of all sensors.
-    fn samples(&mut self, samples: &[SampleSeries]) -> Option<ContainerLike> {
-        let count: usize = samples.iter().map(|s| s.plots.len()).sum();
-        if count == 0 {
-            return None;
-        }
-        let columns = count.div_ceil(ROWS).clamp(1, 3);
-        self.rows = count.div_ceil(columns);
-        self.legend = true;
-        let mut plots = Vec::new();
-        for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
-            self.corner = plot.corner;
-            let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
-            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
-        }
-        let grid = Grid::new(plots).with_grid_columns(columns as u32);
-        Some(grid.with_name("Samples").into())
     }
 }
 

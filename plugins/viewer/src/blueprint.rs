@@ -22,6 +22,9 @@ const WINDOW: f64 = 890.0;
 /// Height of a plot's title and of its time axis, pixels.
 const FRAME: f64 = 46.0;
 
+/// Entity of the view whose time axis all linked views share; viewers have its id built in.
+const ALL_VIEWS: &str = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc";
+
 /// The height of a plot that has that many plots in its column, at 1600x1000.
 pub fn height(rows: usize) -> f64 {
     WINDOW / rows.max(1) as f64 - FRAME
@@ -53,7 +56,16 @@ impl Layout {
     /// A layout without views; with `ranges` where the plots' ranges are known.
     pub fn new(ranges: bool) -> Self {
         let (legend, corner) = (true, Corner2D::RightTop);
-        Self { properties: Vec::new(), ranges, rows: 3, span: None, latest: None, legend, corner }
+        let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
+        if !ranges {
+            // viewers since 0.41 show 30 s around the cursor where linked views have no range
+            let whole = TimeAxis::new().with_view_range(TimeRange {
+                start: TimeRangeBoundary::Infinite,
+                end: TimeRangeBoundary::Infinite,
+            });
+            properties.push((format!("{ALL_VIEWS}/TimeAxis").into(), Box::new(whole)));
+        }
+        Self { properties, ranges, rows: 3, span: None, latest: None, legend, corner }
     }
 
     /// The messages of the layout with that container around all views.
@@ -149,8 +161,8 @@ impl Layout {
             let class = ViewBlueprint::update_fields().with_class_identifier(class);
             self.properties.push((view.blueprint_path(), Box::new(class)));
         }
-        // viewers since 0.41 show 30 s around the cursor without it. In a run that goes on, strips keep
-        // the range of their begin, unless they have the one of all views: the whole recording
+        // viewers since 0.41 show 30 s around the cursor without it. In a run that goes on, strips of
+        // earlier ones keep the range of their begin, unless they have the one of all views
         let time = match self.ranges {
             true => TimeAxis::new().with_view_range(self.range_of_time(None)),
             false => TimeAxis::new().with_link(LinkAxis::LinkToGlobal),

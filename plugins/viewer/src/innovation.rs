@@ -118,6 +118,12 @@ impl SensorSeries {
         self.channels.get(k).map_or("a channel", |c| c.quantity.name.as_str())
     }
 
+    /// The name of a channel with its unit as the channel comes.
+    pub fn channel_label(&self, k: usize) -> String {
+        let quantity = self.channels.get(k).map(|c| &c.quantity);
+        quantity.map_or_else(String::new, |q| label(&q.name, &q.unit))
+    }
+
     /// The entity of a channel that a viewer sees during the run.
     pub fn live_entity(&self, k: usize) -> EntityPath {
         path(&["live", "innovation", &self.name, self.names.get(k).map_or("nis", |name| name)])
@@ -252,8 +258,9 @@ impl SensorSeries {
             include(*value);
         }
         all.push(gated);
+        let names: Vec<&str> = (0..self.channels.len()).map(|k| self.channel(k)).collect();
         for (k, (reason, history)) in self.rejected.iter().enumerate() {
-            let name = format!("rejected: {}", reason.reason(&self.names));
+            let name = format!("rejected: {}", reason.reason(&names));
             let marker = MarkerShape::Cross;
             let colour = REJECTED[k % REJECTED.len()];
             let mut series =
@@ -284,6 +291,12 @@ fn break_line<const N: usize>(gaps: &mut Gaps, line: &mut History<N>, now: Time)
 }
 
 impl Innovations {
+    /// Returns `true` for a channel with a plot: before the end of a run, for one that can have
+    /// innovations.
+    pub fn is_shown(&self, over: bool) -> bool {
+        if over { self.plot.is_some() } else { !self.quantity.is_accuracy() }
+    }
+
     fn write(&mut self, recording: &Recording, k: usize) -> Result<(), StreamError> {
         let (accepted, gated) = (self.accepted.rows(), self.gated.rows());
         if accepted.is_empty() && gated.is_empty() {

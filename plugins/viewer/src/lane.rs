@@ -2,6 +2,7 @@
 
 use crate::legend;
 use crate::recording::Recording;
+use crate::strip;
 use crate::style::path;
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Judged, Lane, Stretch};
@@ -130,15 +131,10 @@ impl SensorLane {
         Ok(())
     }
 
-    /// Takes the words away from stretches that are too short for them, in a run of that length, s.
-    pub fn shorten(&self, recording: &Recording, run: f64) -> Result<(), StreamError> {
-        // another state at the same time would replace the one that follows a stretch without length
-        for Stretch { health, from, to } in self.lane.stretches.iter().filter(|s| s.from < s.to) {
-            if !legend::has_room(health.word(), to.since(*from) / run) {
-                let word = StateChange::single(legend::without_word(*health));
-                recording.log(&self.path, from.nanos(), &word)?;
-            }
-        }
-        Ok(())
+    /// Takes the words away from stretches that are too short for them, in a run of that length, ns.
+    pub fn shorten(&self, recording: &Recording, run: i64) -> Result<(), StreamError> {
+        let stretches = self.lane.stretches.iter();
+        let stretches = stretches.map(|s| (s.from.nanos(), s.to.nanos(), s.health.word()));
+        strip::shorten(recording, &self.path, stretches, run)
     }
 }

@@ -2,6 +2,7 @@
 //! seconds. The viewer's own ruler has numbers at every tenth minute alone.
 
 use crate::recording::Recording;
+use crate::strip::{self, LETTER, MARGINS, has_room};
 use crate::style::{Colour, path};
 use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
@@ -9,25 +10,10 @@ use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
 
-/// Width of the strips in a small window (1280x720), pixels.
-const STRIPS: f64 = 420.0;
-/// Width of a letter in a strip, and of the margins of a word, pixels.
-const LETTER: f64 = 7.0;
-const MARGINS: f64 = 8.0;
 /// Number of times on the strip of seconds, about.
 const TIMES: f64 = 8.0;
 /// Colours of the strip of seconds, in turns.
 const SHADES: [Colour; 2] = [[44, 48, 56], [66, 72, 82]];
-
-/// Returns `true` if a word fits into that share of the strips.
-pub fn has_room(word: &str, share: f64) -> bool {
-    LETTER * word.chars().count() as f64 + MARGINS <= share * STRIPS
-}
-
-/// The state of a stretch that has the colour of a health and no word.
-pub fn without_word(health: Health) -> String {
-    format!("{} ", health.word())
-}
 
 /// The names of the colours, for a title.
 fn colour_name(health: Health) -> &'static str {
@@ -49,14 +35,7 @@ pub fn in_words() -> String {
 
 /// The look of a strip of health.
 pub fn look() -> StateConfiguration {
-    let states = Health::ALL.iter().flat_map(|h| [h.word().to_owned(), without_word(*h)]);
-    // an empty label would be replaced by the state itself
-    let labels = Health::ALL.iter().flat_map(|h| [h.word(), " "]);
-    let colours = Health::ALL.iter().flat_map(|h| [h.colour(); 2]);
-    StateConfiguration::new()
-        .with_values(states)
-        .with_labels(labels)
-        .with_colors(colours.map(|[r, g, b]| Color::from_rgb(r, g, b)))
+    strip::look(Health::ALL.map(|h| (h.word(), h.colour())))
 }
 
 /// Writes the strip of all colours with their words, each as long as its word, and the strip of
@@ -125,12 +104,5 @@ mod tests {
             }
         }
         assert_eq!([0, 2_500_000_000, -1].map(seconds), ["0 s", "2.5 s", "0 s"]);
-    }
-
-    #[test]
-    fn a_short_stretch_has_no_word() {
-        // `gated` needs 43 of 420 pixels
-        assert!(has_room("gated", 0.11) && !has_room("gated", 0.1));
-        assert_eq!(without_word(Health::Gated), "gated ");
     }
 }

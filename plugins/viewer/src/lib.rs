@@ -18,6 +18,7 @@
 //! | `/world/distances` | distances north and east at the edges of the grid |
 //! | `/plan/ellipses`, `/map/ellipses`, `/world/ellipses`, `/world/tube` | 3 sigma along the track, enlarged as the titles name it |
 //! | `/map/graticule`, `/map/labels` | lines of equal latitude and longitude; their names and a scale |
+//! | `/plan/polar` | lines of equal latitude and longitude around a pole, in the plan |
 //! | `/map/coast` | the coastlines within view |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
@@ -57,6 +58,7 @@ mod map;
 pub mod overlay;
 mod overview;
 mod plan;
+mod polar;
 mod quantity;
 mod recording;
 mod rig;
@@ -67,6 +69,7 @@ mod serve;
 mod shade;
 mod sink;
 mod state;
+pub mod strip;
 mod strokes;
 pub mod style;
 mod tab;

@@ -27,9 +27,27 @@ const APART: f64 = 4.0;
 const MESHES: f64 = 5.0;
 /// Least side of the area, minutes: 2 m.
 const LEAST: f64 = 1e-3;
+/// Enlargement of the map's projection from which on its title names it: from 80 deg of latitude on.
+const STRETCHED: f64 = 5.76;
+/// Letters of north and south, and of east and west.
+pub const LETTERS: [[char; 2]; 2] = [['N', 'S'], ['E', 'W']];
 /// Colours of the graticule and of the coast.
 const GRID: Colour = [70, 76, 86];
 const COAST: Colour = [194, 178, 128];
+
+/// The title of the map of a track. Near a pole it names by how much the map's projection enlarges.
+pub fn title(extent: &Extent, graticule: Option<&Graticule>) -> String {
+    let mut title = "Map".to_owned();
+    let farthest = extent.geo.map(|place| place[0].abs()).into_iter().fold(0.0, f64::max);
+    let stretch = 1.0 / farthest.to_radians().cos().abs().max(1e-9);
+    if farthest <= 90.0 && stretch > STRETCHED {
+        title += &format!(", Mercator: up to x {stretch:.0} near the pole");
+    }
+    if let Some(graticule) = graticule {
+        title += &format!(", {}", graticule.title());
+    }
+    title
+}
 
 /// Lines of equal latitude and longitude around a track.
 pub struct Graticule {
@@ -56,11 +74,16 @@ impl Graticule {
     /// `MAP_SCALE cos(latitude) / 2^zoom` metres, of a minute of latitude 1852.
     pub fn zoom(&self) -> f64 {
         let [latitude, longitude] = self.lines.map(|[first, last]| (last - first) * self.spacing);
-        let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
-        let cosine = middle.to_radians().cos().abs();
+        let cosine = self.cosine();
         let sides = [MINUTE * latitude, MINUTE * cosine * longitude];
         let scale = |k: usize| MAP_SCALE * cosine * MAP_PIXELS[k] / sides[k].max(1.0);
         scale(0).min(scale(1)).log2().clamp(1.0, 19.0)
+    }
+
+    /// Cosine of the latitude in the middle.
+    fn cosine(&self) -> f64 {
+        let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
+        middle.to_radians().cos().abs()
     }
 
     /// The words for a title: the viewer's map draws no labels.
@@ -68,7 +91,7 @@ impl Graticule {
         let decimals = (-self.spacing.log10().floor()).max(0.0) as usize;
         let [latitude, longitude] = self.lines.map(|[first, _]| first * self.spacing);
         let [latitude, longitude] =
-            [(latitude, ['N', 'S']), (longitude, ['E', 'W'])].map(|(m, s)| angle(m, s, decimals));
+            [(latitude, LETTERS[0]), (longitude, LETTERS[1])].map(|(m, s)| angle(m, s, decimals));
         let coast = match self.coast().is_empty() {
             true => String::new(),
             false => format!("; coast to {}", coast::ACCURACY),
@@ -78,8 +101,7 @@ impl Graticule {
 
     /// Minutes of latitude and of longitude in a pixel at the zoom.
     fn pixels(&self) -> [f64; 2] {
-        let middle = 0.5 * (self.lines[0][0] + self.lines[0][1]) * self.spacing / 60.0;
-        let cosine = middle.to_radians().cos().abs().max(1e-3);
+        let cosine = self.cosine().max(1e-3);
         let pixel = MAP_SCALE * cosine / self.zoom().exp2() / MINUTE;
         [pixel, pixel / cosine]
     }
@@ -139,7 +161,7 @@ impl Graticule {
         let decimals = (-self.spacing.log10().floor()).max(0.0) as usize;
         let names = |k: usize| {
             let [first, last] = self.lines[k];
-            let signs = [['N', 'S'], ['E', 'W']][k];
+            let signs = LETTERS[k];
             (0..=(last - first) as usize).map(move |n| {
                 let line = (first + n as f64) * self.spacing;
                 (line, angle(line, signs, decimals))
@@ -152,7 +174,10 @@ impl Graticule {
         // names that need more than a mesh leave out every second one, and so on
         let wide = width("00°00.0'W", LETTER) + 2.0 * APART;
         let every = (wide * pixels[1] / self.spacing).ceil().max(1.0) as usize;
-        for (line, name) in names(1).filter(|(line, _)| *line < east).step_by(every) {
+        let room =
+            |line: f64, name: &str| line + (2.0 * APART + width(name, LETTER)) * pixels[1] <= east;
+        let meridians = names(1).step_by(every).filter(|(line, name)| room(*line, name));
+        for (line, name) in meridians {
             let below = north - (APART + LETTER) * pixels[0];
             labels.extend(write(&name, below, line + APART * pixels[1]));
         }
@@ -171,7 +196,7 @@ impl Graticule {
 }
 
 /// An angle in degrees and minutes, such as `43°06.2'N`.
-fn angle(minutes: f64, [positive, negative]: [char; 2], decimals: usize) -> String {
+pub fn angle(minutes: f64, [positive, negative]: [char; 2], decimals: usize) -> String {
     let side = if minutes < 0.0 { negative } else { positive };
     // a whole number of the last decimal
     let unit = 10f64.powi(decimals as i32);
@@ -209,6 +234,21 @@ mod tests {
         assert_eq!(title.as_deref(), Some("lines every 0.5' from 43°06.0'N 5°22.5'W"));
         assert_eq!(graticule.map(|g| g.lines), Some([[5172.0, 5175.0], [-645.0, -642.0]]));
         assert!(Graticule::new(&Extent::NONE).is_none());
+    }
+
+    /// At 60 deg the projection enlarges by two, and at 89 deg by 57; a track around the pole has no
+    /// graticule.
+    #[test]
+    fn near_a_pole_the_title_names_how_much_the_projection_enlarges() {
+        let titled = |south: f64, north: f64, west: f64| {
+            let extent = extent([[south, west], [north, 5.01]]);
+            title(&extent, Graticule::new(&extent).as_ref())
+        };
+        assert!(titled(59.99, 60.0, 5.0).starts_with("Map, lines every"));
+        let polar = titled(88.99, 89.0, 5.0);
+        assert!(polar.starts_with("Map, Mercator: up to x 57 near the pole, lines"), "{polar}");
+        assert_eq!(titled(88.99, 89.0, -180.0), "Map, Mercator: up to x 57 near the pole");
+        assert_eq!(title(&Extent::NONE, None), "Map");
     }
 
     /// Off Brittany, 3 km from Pointe du Raz, the coast is within view; in the Gulf of Lions it is not.

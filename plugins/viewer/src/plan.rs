@@ -156,7 +156,9 @@ impl Plan {
         let right = self.high[0] - 0.7 * inside[0];
         let east = lines(0).filter(|x| *x > left && *x < right);
         let east = east.map(|x| ([x, bottom], number(x)));
-        let north = lines(1).filter(|y| *y < bottom).map(|y| ([left, y], number(-y)));
+        // the corner belongs to the distances east
+        let above = bottom - 0.8 * inside[1];
+        let north = lines(1).filter(|y| *y < above).map(|y| ([left, y], number(-y)));
         let (places, labels): (Vec<Point>, Vec<String>) = east.chain(north).unzip();
         let ticks = Points2D::new(places)
             .with_labels(labels)

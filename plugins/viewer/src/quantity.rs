@@ -65,6 +65,11 @@ impl Quantity {
         }
     }
 
+    /// Set for an accuracy that the instrument states, which is no measurement.
+    pub fn is_accuracy(&self) -> bool {
+        self.name.ends_with("_acc")
+    }
+
     /// Set for a coordinate of a place, which is shown from its first value on.
     pub fn is_place(&self) -> bool {
         !matches!(self.conversion, Conversion::Constant(_))
@@ -85,6 +90,7 @@ mod tests {
         assert!((north - 1852.0).abs() < 10.0 && (east - 926.0).abs() < 5.0, "{north} {east}");
         let down = of("height", "m");
         assert_eq!((down.name.as_str(), &*down.unit, down.factor(here)), ("down", "m", -1.0));
+        assert!(of("h_acc", "m").is_accuracy() && !of("accel_x", "mps2").is_accuracy());
         let rate = of("gyro_x", "radps");
         assert_eq!((&*rate.unit, rate.factor(here)), ("deg/s", 1f64.to_degrees()));
         assert_eq!(of("vel_x", "mps").unit, "m/s");

@@ -27,6 +27,12 @@ const SILENCE: i64 = 1_000_000_000;
 /// Distance within which two sensors have one label, as a share of the vehicle's length: labels of
 /// neighbours would cover each other.
 const SAME: f32 = 0.1;
+/// Least distance of two labels along the vehicle's vertical, as a share of its length: a label is 20
+/// pixels high, where the vehicle is 110 to 200 long.
+const ROW: f32 = 0.19;
+/// Greatest number of labels at the places of their sensors; that of more is a column in the middle, since
+/// from the side near and far ones would cover each other.
+const FEW: usize = 4;
 /// Least downward part of a beam's direction at which the altitude determines its length.
 const STEEP: f64 = 0.1;
 
@@ -181,10 +187,24 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
         group.iter().map(|k| mounts[*k].sensor.as_str()).collect::<Vec<_>>().join(", ")
     };
     let sensors = Points3D::new(places.iter().map(|k| ends[*k]))
-        .with_labels(groups.iter().map(label))
         .with_colors([MARK])
         .with_radii([Radius::new_ui_points(3.5)]);
     recording.log_static(&body("sensors"), &sensors)?;
+    let heights: Vec<f32> = places.iter().map(|k| ends[*k][2]).collect();
+    let named = places.iter().zip(apart(&heights, ROW * vehicle));
+    let aside = if places.len() > FEW { 0.0 } else { 1.0 };
+    let beside = |[x, y, _]: [f32; 3], height: f32| [aside * x, aside * y, height];
+    let named: Vec<[[f32; 3]; 2]> =
+        named.map(|(k, height)| [ends[*k], beside(ends[*k], height)]).collect();
+    let names = Points3D::new(named.iter().map(|pair| pair[1]))
+        .with_labels(groups.iter().map(label))
+        .with_colors([MARK])
+        .with_radii([Radius::new_ui_points(0.5)])
+        .with_show_labels(true);
+    recording.log_static(&body("names"), &names)?;
+    let leaders =
+        LineStrips3D::new(named).with_colors([MARK]).with_radii([Radius::new_ui_points(0.5)]);
+    recording.log_static(&body("names/leaders"), &leaders)?;
     let turned: Vec<(&Mount, [f32; 3])> =
         mounts.iter().zip(ends).filter(|(m, _)| m.mounting.is_turned()).collect();
     let axes = turned.iter().flat_map(|(m, _)| {
@@ -198,6 +218,31 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
     recording.log_static(&body("sensor_axes"), &axes)
 }
 
+/// Heights that are at least `row` apart and in the same order, as near to the given ones as possible:
+/// neighbours that are too near share the mean of their moves.
+fn apart(heights: &[f32], row: f32) -> Vec<f32> {
+    let mut order: Vec<usize> = (0..heights.len()).collect();
+    order.sort_by(|a, b| heights[*a].total_cmp(&heights[*b]));
+    // blocks of labels one row apart: where the first one is, by the mean, and their number
+    let mut blocks: Vec<(f32, f32)> = Vec::new();
+    for k in &order {
+        let mut block = (heights[*k], 1.0);
+        while let Some(last) = blocks.last().filter(|last| last.0 + last.1 * row > block.0) {
+            let first = block.0 - last.1 * row;
+            let count = last.1 + block.1;
+            block = ((last.1 * last.0 + block.1 * first) / count, count);
+            blocks.pop();
+        }
+        blocks.push(block);
+    }
+    let rows = blocks
+        .iter()
+        .flat_map(|(first, count)| (0..*count as usize).map(move |n| first + n as f32 * row));
+    let mut moved = heights.to_vec();
+    order.into_iter().zip(rows).for_each(|(k, height)| moved[k] = height);
+    moved
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
@@ -207,6 +252,19 @@ mod tests {
     use navfuse_core::units::sample::{Channel, SensorId};
     use navfuse_core::units::time::Time;
     use std::f64::consts::{FRAC_PI_3, FRAC_PI_6};
+
+    /// Two labels at 0 and one at 0.2 need a row of 1: they spread about their mean of 0.067. The one at 5
+    /// stays.
+    #[test]
+    fn labels_are_a_row_apart_and_those_with_room_stay() {
+        let moved = apart(&[5.0, 0.0, 0.2, 0.0], 1.0);
+        let mean = 0.2 / 3.0;
+        let expected = [5.0, mean - 1.0, mean + 1.0, mean];
+        let near = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-6;
+        assert!(moved.iter().zip(&expected).all(near), "{moved:?}");
+        assert_eq!(apart(&[0.0, 2.0, -2.0], 1.0), [0.0, 2.0, -2.0]);
+        assert_eq!(apart(&[], 1.0), [0.0; 0]);
+    }
 
     #[test]
     fn beams_end_at_the_ground_and_lost_beams_are_left_out() {

@@ -5,6 +5,7 @@ use crate::colours::ColourScale;
 use crate::ellipses::{self, ELLIPSOID, enlargement};
 use crate::map::Graticule;
 use crate::plan::{self, Plan};
+use crate::polar::Polar;
 use crate::recording::Recording;
 use crate::rig;
 use crate::style::{AXES, BOUND, Colour, FILTERED, MARK, TRUTH, path};
@@ -27,6 +28,9 @@ pub const AROUND: f32 = 0.78;
 /// Distance at which a viewer puts an eye that tracks [`around`], in reaches: 1.5 radii of the sphere
 /// around the cube of two standard deviations of its seven points.
 pub const DISTANCE: f32 = 1.5 * 1.732 * 1.069;
+
+/// Distance beyond the track up to which the grid has a label, in spacings of the labels.
+const BEYOND: f32 = 0.3;
 
 /// Records the directions of the axes: x forward (north), y right (east), z down.
 pub fn start(recording: &Recording) -> Result<(), StreamError> {
@@ -55,6 +59,9 @@ pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), Str
     }
     if let Some(graticule) = Graticule::new(&track.extent) {
         graticule.draw(recording)?;
+    }
+    if let Some(polar) = Polar::of(track).filter(|_| over) {
+        polar.draw(recording)?;
     }
     if over {
         exaggerate(recording, &track.extent)?;
@@ -149,8 +156,10 @@ fn draw_distances(recording: &Recording, extent: &Extent) -> Result<(), StreamEr
     let Some((_, side)) = extent.middle() else { return Ok(()) };
     let spacing = plan::round(f64::from(side) / 5.0) as f32;
     let places = |k: usize| {
-        let [first, last] = [extent.low[k], extent.high[k]].map(|x| (x / spacing).round() as i64);
-        (first..=last).map(move |n| n as f32 * spacing)
+        // beyond the track a label may be out of view
+        let [first, last] = [extent.low[k] / spacing, extent.high[k] / spacing];
+        ((first - BEYOND).ceil() as i64..=(last + BEYOND).floor() as i64)
+            .map(move |n| n as f32 * spacing)
     };
     let [south, west] = [0, 1].map(|k| extent.low[k] - 0.12 * side);
     let north = places(0).map(|x| ([x, west], x));

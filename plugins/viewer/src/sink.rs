@@ -254,8 +254,7 @@ impl Run {
         let span = self.span.map(|(first, last)| (begins.fold(first, i64::min), last));
         if let Some((first, last)) = span.filter(|(first, last)| first < last) {
             legend::write(recording, (first, last))?;
-            let run = (last - first) as f64 * 1e-9;
-            lanes.iter().try_for_each(|lane| lane.shorten(recording, run))?;
+            lanes.iter().try_for_each(|lane| lane.shorten(recording, last - first))?;
         }
         self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
         match &self.track {

@@ -21,6 +21,9 @@ const END: f64 = 0.25;
 /// the rest of the plot.
 const BEGIN: f64 = 0.1;
 
+/// Size of an error before that, in errors and bounds after it, up to which it counts for a range.
+const EARLY: f64 = 2.0;
+
 /// One component of a block.
 pub struct Component {
     /// Name: `roll`.
@@ -388,7 +391,10 @@ impl Plots {
             false => [f64::NAN; 4],
         };
         let known = |r: &[f64; 2]| r[0] <= r[1];
-        let errors = [over(first, begin, &error), over(end, end, &error)];
+        // the first errors are as large as a prior: the plot of sigma shows their size
+        let (usual, all) = (over(begin, begin, &error), over(first, begin, &error));
+        let whole = [all[0].max(EARLY * usual[0]), all[1].min(EARLY * usual[1])];
+        let errors = [if known(&usual) { whole } else { all }, over(end, end, &error)];
         let sizes = |r: &[f64; 4]| match r[1] > 0.0 {
             true => [r[1], r[3].abs(), r[1], r[1]],
             false => [f64::NAN; 4],

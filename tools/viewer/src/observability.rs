@@ -7,9 +7,9 @@ use navfuse_core::units::time::Time;
 use navfuse_observability::{Component, Tracker, markdown};
 use navfuse_rerun::re_sdk::EntityPath;
 use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Horizontal, TextDocumentView};
-use navfuse_rerun::re_sdk_types::archetypes::{StateChange, StateConfiguration, TextDocument};
+use navfuse_rerun::re_sdk_types::archetypes::{StateChange, TextDocument};
 use navfuse_rerun::style::path;
-use navfuse_rerun::{Layout, Recording, Tab, colours};
+use navfuse_rerun::{Layout, Recording, Tab, colours, strip};
 
 /// Time between two recorded values of the bits, ns.
 const BITS_INTERVAL: i64 = 1_000_000_000;
@@ -36,8 +36,8 @@ const STEPS: [(f64, &str); 8] = [
 /// The strip of one component: its bits over time as colours.
 struct Strip {
     path: EntityPath,
-    /// The step that was recorded last.
-    step: Option<usize>,
+    /// Begin, ns, and step of each stretch.
+    steps: Vec<(i64, usize)>,
 }
 
 impl Strip {
@@ -48,19 +48,27 @@ impl Strip {
             true => [70, 72, 78],
             false => colours::at((last - 1 - k) as f64 / (last - 1) as f64),
         };
-        let look = StateConfiguration::new()
-            .with_values(STEPS.map(|s| s.1))
-            .with_colors((0..STEPS.len()).map(colour));
-        recording.log_static(&path, &look)?;
-        Ok(Self { path, step: None })
+        let words = STEPS.iter().enumerate().map(|(k, step)| (step.1, colour(k)));
+        recording.log_static(&path, &strip::look(words))?;
+        Ok(Self { path, steps: Vec::new() })
     }
 
     fn push(&mut self, recording: &Recording, time: Time, bits: f64) -> Result<(), StreamError> {
         let step = STEPS.iter().position(|s| bits >= s.0).unwrap_or(STEPS.len() - 1);
-        if self.step.replace(step) == Some(step) {
+        if self.steps.last().is_some_and(|last| last.1 == step) {
             return Ok(());
         }
+        self.steps.push((time.nanos(), step));
         recording.log(&self.path, time.nanos(), &StateChange::single(STEPS[step].1))
+    }
+
+    /// Takes the words away from stretches that are too short for them, in a run that ends at `end`, ns;
+    /// the whole strip has the width of those of health if it is that long, ns.
+    fn shorten(&self, recording: &Recording, end: i64, whole: i64) -> Result<(), StreamError> {
+        let ends = self.steps.iter().skip(1).map(|s| s.0).chain([end]);
+        let stretches = self.steps.iter().zip(ends);
+        let stretches = stretches.map(|((from, step), to)| (*from, to, STEPS[*step].1));
+        strip::shorten(recording, &self.path, stretches, whole)
     }
 }
 
@@ -110,6 +118,20 @@ impl Followed {
         Ok(())
     }
 
+    /// Number of columns of strips.
+    fn columns(&self) -> usize {
+        self.strips.len().div_ceil(COLUMN).max(1)
+    }
+
+    /// Takes the words away from stretches that are too short for them. Strips and page share the width of
+    /// the window; a third of it is that of the strips of health.
+    fn shorten(&self, recording: &Recording) -> Result<(), StreamError> {
+        let (first, last) = self.tracker.span();
+        let whole = (last - first).nanos() / 3 * (self.columns() as i64 + 1);
+        let end = last.nanos();
+        self.strips.iter().try_for_each(|strip| strip.shorten(recording, end, whole))
+    }
+
     /// Writes the page of verdicts as they stand.
     fn write_page(&mut self, recording: &Recording) -> Result<(), StreamError> {
         if !self.tracker.started() {
@@ -143,21 +165,19 @@ impl Tab for Observability {
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.followed.as_mut().map_or(Ok(()), |followed| {
             followed.tracker.finish();
+            followed.shorten(recording)?;
             followed.write_page(recording)
         })
     }
 
-    /// A strip for each component in two columns, and beside them the page of verdicts.
+    /// A strip for each component in columns, and beside them the page of verdicts.
     fn view(&self, layout: &mut Layout) -> Option<ContainerLike> {
         let followed = self.followed.as_ref()?;
         let contents: Vec<String> =
             followed.strips.iter().map(|strip| format!("+ {}", strip.path)).collect();
-        let half = match contents.len() {
-            n if n > COLUMN => n.div_ceil(2),
-            n => n,
-        };
+        let rows = contents.len().div_ceil(followed.columns());
         let mut views: Vec<ContainerLike> = contents
-            .chunks(half.max(1))
+            .chunks(rows.max(1))
             .enumerate()
             .map(|(k, part)| layout.lanes(TITLES[k.min(1)], part))
             .collect();

@@ -158,12 +158,16 @@ fn line(lane: &SensorLane, sensors: &[SensorSeries], whole: bool, now: Time) -> 
     let stretches = lane.stretches(now);
     let doubted: Vec<Stretch> =
         stretches.iter().copied().filter(|s| s.health == Health::Doubted).collect();
-    match (stretches.last().map(|s| s.health), doubted.first()) {
-        (Some(Health::Isolated), _) => parts.push("the sensor is isolated at the end".to_owned()),
-        (_, Some(first)) => parts.push(format!(
+    match (stretches.last().map(|s| s.health), doubted.first(), doubted.last()) {
+        (Some(Health::Isolated), ..) => parts.push("the sensor is isolated at the end".to_owned()),
+        (Some(Health::Doubted), Some(first), _) => parts.push(format!(
             "used with doubt for {:.0} s, from {:.0} s on",
             length(&doubted),
             first.from.seconds()
+        )),
+        (_, _, Some(last)) => parts.push(format!(
+            "used with doubt until {:.0} s, when it agreed again",
+            last.to.seconds()
         )),
         _ => {}
     }
@@ -301,6 +305,11 @@ mod tests {
         let expected = "- **depth**: fault 250–312 s (gated 250–280 s; isolated 280–312 s); used with \
                         doubt for 318 s, from 312 s on";
         assert_eq!(lines(&[depth], &found)[1..], [expected]);
+        let agrees = [(Used, 250), (Gated, 280), (Doubted, 305), (Used, 630)];
+        let agrees = lane("depth", Purpose::Measurement, &agrees);
+        let expected = "- **depth**: fault 250–280 s (gated 250–280 s); used with doubt until 305 s, when it \
+                        agreed again";
+        assert_eq!(lines(&[agrees], &found)[1..], [expected]);
         let to_the_end = lane("depth", Purpose::Measurement, &[(Used, 250), (Isolated, 630)]);
         let expected =
             "- **depth**: fault 250–630 s (isolated 250–630 s); the sensor is isolated at the end";

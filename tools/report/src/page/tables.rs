@@ -241,7 +241,7 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
         } }
         p.note {
             "Remaining sigma: final sigma relative to the sigma without measurements. Bits: "
-            "number of times that sigma was halved. `navfuse observability` has the "
+            "number of times that sigma was halved. " code { "navfuse observability" } " has the "
             "details, and suggests manoeuvres."
         }
         @if !observed.undetermined.is_empty() {

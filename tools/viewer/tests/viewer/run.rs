@@ -150,6 +150,35 @@ fn part(window: &image::RgbImage, [left, top, right, bottom]: [f64; 4]) -> image
     image::imageops::crop_imm(window, x, y, width, height).to_image()
 }
 
+/// Both sensors are used over the whole run, each in a strip of 20 rows: nearly all of both halves of the
+/// strips is green.
+fn whole_strips(strips: &image::RgbImage, folder: &Path) {
+    let half = strips.width() / 2;
+    for left in [0, half] {
+        let half = image::imageops::crop_imm(strips, left, 0, half, strips.height()).to_image();
+        let green = count(&half, USED) as f64 / (20.0 * f64::from(half.width()));
+        assert!(green > 2.0 * 0.8, "{green} strips: see {}", folder.display());
+    }
+}
+
+/// The strips of a run that goes on have the whole width below the page. Viewers since 0.41 show 30 s
+/// around the cursor unless all views have a range, and 30 of 600 s would leave the right half empty.
+#[test]
+fn every_version_of_the_viewer_shows_the_whole_health_of_a_run_that_goes_on() {
+    const STRIPS: [f64; 4] = [0.03, 0.66, 0.99, 0.96];
+    let Some(programs) = driver::programs() else { return };
+    for (k, program) in programs.iter().enumerate() {
+        let folder = driver::target(&format!("rerun-pictures/goes-on-{k}"));
+        let mut viewer = Seen::start(program, None, &folder);
+        let config = Config { connect: Some(viewer.address()), ..Config::default() };
+        let mut sink = config.record(&folder).unwrap();
+        Synthetic::new(6000).feed(sink.as_mut()).unwrap();
+        // the last rows are sent when the run ends
+        viewer.wait(Synthetic::time(4000).nanos());
+        whole_strips(&part(&viewer.settled("goes on"), STRIPS), &folder);
+    }
+}
+
 /// A recording as it opens, before anything is clicked: it verifies, its cursor stands at its end,
 /// and the strips of health have the whole run. The eye follows the vehicle, whose beams are in the
 /// middle third of their view, wherever the vehicle is; the whole vehicle is visible.
@@ -167,16 +196,7 @@ fn every_version_of_the_viewer_opens_a_recording_at_its_end_and_follows_the_vehi
         let mut viewer = Seen::open(program, &recording, &folder, end);
         let window = viewer.settled("as it opens");
         assert_eq!(viewer.cursor(), Some(end), "{}", program.display());
-        // both sensors are used over the whole run, each in a strip of 20 rows: nearly all of both
-        // halves is green
-        let strips = part(&window, STRIPS);
-        let half = strips.width() / 2;
-        for left in [0, half] {
-            let half =
-                image::imageops::crop_imm(&strips, left, 0, half, strips.height()).to_image();
-            let green = count(&half, USED) as f64 / (20.0 * f64::from(half.width()));
-            assert!(green > 2.0 * 0.8, "{green} strips: see {}", folder.display());
-        }
+        whole_strips(&part(&window, STRIPS), &folder);
         for at in [1500, 4500] {
             viewer.seek(Synthetic::time(at).nanos());
             let picture = part(&viewer.settled(&format!("vehicle at {at}")), FOLLOWS);

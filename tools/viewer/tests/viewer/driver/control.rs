@@ -4,6 +4,7 @@
 use super::{PATIENCE, window};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -17,13 +18,21 @@ pub struct Seen {
     count: u64,
     /// Set for 0.41 and later, whose tools have other names.
     later: bool,
+    port: u16,
     pictures: PathBuf,
 }
 
 impl Seen {
     /// Opens a recording, and waits until all of it has arrived: until the timeline ends at `end`, ns.
     pub fn open(program: &Path, recording: &Path, pictures: &Path, end: i64) -> Self {
-        let (window, port) = window(program, recording.to_str(), pictures);
+        let mut seen = Self::start(program, recording.to_str(), pictures);
+        seen.wait(end);
+        seen
+    }
+
+    /// Opens a recording, or waits for one.
+    pub fn start(program: &Path, recording: Option<&str>, pictures: &Path) -> Self {
+        let (window, port) = window(program, recording, pictures);
         let mut control = Command::new(program)
             .arg("viewer-mcp")
             .env("HOME", pictures)
@@ -34,7 +43,8 @@ impl Seen {
             .unwrap();
         let (input, output) = (control.stdin.take().unwrap(), control.stdout.take().unwrap());
         let (output, pictures) = (BufReader::new(output), pictures.to_owned());
-        let mut seen = Self { window, control, input, output, count: 0, later: false, pictures };
+        let (count, later) = (0, false);
+        let mut seen = Self { window, control, input, output, count, later, port, pictures };
         let client = json!({ "name": "navfuse", "version": "0" });
         let hello =
             json!({ "protocolVersion": "2024-11-05", "capabilities": {}, "clientInfo": client });
@@ -44,15 +54,28 @@ impl Seen {
         seen.later = tools.contains("rerun_connect");
         let endpoint = json!({ "endpoint": format!("http://127.0.0.1:{port}") });
         let begun = Instant::now();
-        while seen.call(["connect", "rerun_connect"], endpoint.clone()).is_none() {
+        // the tool of 0.41 connects to a viewer that does not listen yet
+        while TcpStream::connect(("127.0.0.1", port)).is_err()
+            || seen.call(["connect", "rerun_connect"], endpoint.clone()).is_none()
+        {
             assert!(begun.elapsed() < PATIENCE, "the viewer does not answer");
             std::thread::sleep(Duration::from_millis(100));
         }
-        while seen.end() != Some(end) {
-            assert!(begun.elapsed() < PATIENCE, "not loaded: {}", seen.state());
+        seen
+    }
+
+    /// The address on which the viewer listens.
+    pub fn address(&self) -> String {
+        format!("127.0.0.1:{}", self.port)
+    }
+
+    /// Waits until the timeline ends at `end` or later, ns.
+    pub fn wait(&mut self, end: i64) {
+        let begun = Instant::now();
+        while self.end().is_none_or(|now| now < end) {
+            assert!(begun.elapsed() < PATIENCE, "not loaded: {}", self.state());
             std::thread::sleep(Duration::from_millis(100));
         }
-        seen
     }
 
     fn send(&mut self, message: &Value) {

@@ -1,0 +1,76 @@
+//! The tabs of the sensors: innovations, NIS and samples.
+
+use super::ROWS;
+use crate::blueprint::Layout;
+use crate::innovation::SensorSeries;
+use crate::samples::SampleSeries;
+use re_sdk::blueprint::{ContainerLike, Grid, Vertical};
+
+impl Layout {
+    /// The innovations of a sensor and its NIS; `None` without samples.
+    pub(super) fn innovations(&mut self, sensor: &SensorSeries) -> Option<ContainerLike> {
+        let shown = sensor.channels.iter().filter(|c| c.is_shown(self.ranges)).count();
+        let count = shown + usize::from(sensor.nis.is_some());
+        if count == 0 {
+            return None;
+        }
+        let columns = if count > 3 { 2 } else { 1 };
+        self.rows = count.div_ceil(columns);
+        let mut plots = Vec::new();
+        if let Some(plot) = &sensor.nis {
+            (self.legend, self.corner) = (true, plot.corner);
+            let contents = [format!("+ {}/**", sensor.nis_path)];
+            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+        }
+        for (k, channel) in sensor.channels.iter().enumerate() {
+            if !channel.is_shown(self.ranges) {
+                continue;
+            }
+            self.legend = plots.len() < 2;
+            match &channel.plot {
+                Some(plot) => {
+                    self.corner = plot.corner;
+                    let contents = [format!("+ {}/**", channel.path)];
+                    let name = format!("{} {}", sensor.name, plot.name);
+                    plots.push(self.plot(&name, &contents, Some(plot.range)));
+                }
+                None => {
+                    let contents = [format!("+ {}", sensor.live_entity(k))];
+                    let name = format!("{} {}", sensor.name, sensor.channel_label(k));
+                    plots.push(self.plot(&name, &contents, None));
+                }
+            }
+        }
+        // an odd number of plots leaves no empty place: the NIS has a row of its own
+        let wide =
+            (columns == 2 && count % 2 == 1 && sensor.nis.is_some()).then(|| plots.remove(0));
+        let grid = Grid::new(plots).with_grid_columns(columns as u32);
+        Some(match wide {
+            None => grid.with_name(sensor.name.as_str()).into(),
+            Some(nis) => {
+                let shares = [1.0, (self.rows - 1) as f32];
+                let rows = Vertical::new([nis, grid.into()]).with_row_shares(shares);
+                rows.with_name(sensor.name.as_str()).into()
+            }
+        })
+    }
+
+    /// The samples of all sensors.
+    pub(super) fn samples(&mut self, samples: &[SampleSeries]) -> Option<ContainerLike> {
+        let count: usize = samples.iter().map(|s| s.plots.len()).sum();
+        if count == 0 {
+            return None;
+        }
+        let columns = count.div_ceil(ROWS).clamp(1, 3);
+        self.rows = count.div_ceil(columns);
+        self.legend = true;
+        let mut plots = Vec::new();
+        for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
+            self.corner = plot.corner;
+            let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
+            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+        }
+        let grid = Grid::new(plots).with_grid_columns(columns as u32);
+        Some(grid.with_name("Samples").into())
+    }
+}
