@@ -113,9 +113,9 @@ impl Counts {
 
     /// The rejected samples by their reasons in words.
     fn rejected_for(&self, channels: &[Channel]) -> Value {
-        let columns: Vec<String> = channels.iter().map(Channel::column).collect();
+        let names: Vec<String> = channels.iter().map(Channel::words).collect();
         let reasons = self.outcomes.rejected.iter();
-        let reasons = reasons.map(|(why, count)| (why.reason(&columns), json!(count)));
+        let reasons = reasons.map(|(why, count)| (why.reason(&names), json!(count)));
         Value::Object(reasons.collect())
     }
 }

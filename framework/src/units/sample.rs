@@ -52,9 +52,52 @@ impl Channel {
         format!("{}_{}", self.name, self.unit.suffix())
     }
 
+    /// The words for the channel: `velocity east` for `vel_e`.
+    pub fn words(&self) -> String {
+        words(&self.name)
+    }
+
     /// The reason why the declared unit is unknown or not SI.
     pub(crate) fn wrong(&self) -> Option<&UnitError> {
         self.wrong.as_ref()
+    }
+}
+
+/// Quantities that have axes, and the words for them.
+const WITH_AXES: &[(&str, &str)] = &[
+    ("vel", "velocity"),
+    ("dvel", "velocity increment"),
+    ("dtheta", "angle increment"),
+    ("accel", "acceleration"),
+    ("gyro", "rate of turn"),
+    ("mag", "magnetic field"),
+];
+/// Axes to the north, and the words for them; others have the word of their letter.
+const AXES: &[(&str, &str)] = &[("n", "north"), ("e", "east"), ("d", "down")];
+/// Other abbreviations.
+const NAMES: &[(&str, &str)] = &[
+    ("lat", "latitude"),
+    ("lon", "longitude"),
+    ("ship_lat", "ship latitude"),
+    ("ship_lon", "ship longitude"),
+    ("h_acc", "horizontal accuracy"),
+    ("v_acc", "vertical accuracy"),
+    ("s_acc", "accuracy of the velocity"),
+];
+
+/// The words for the name of a channel: `velocity east` for `vel_e`. A name that is no known abbreviation
+/// stays, with spaces in it.
+pub fn words(name: &str) -> String {
+    let find = |list: &[(&str, &'static str)], part: &str| {
+        list.iter().find(|entry| entry.0 == part).map(|entry| entry.1)
+    };
+    if let Some(words) = find(NAMES, name) {
+        return words.to_owned();
+    }
+    let axis = name.split_once('_').and_then(|(of, axis)| Some((find(WITH_AXES, of)?, axis)));
+    match axis {
+        Some((of, axis)) => format!("{of} {}", find(AXES, axis).unwrap_or(axis)),
+        None => name.replace('_', " "),
     }
 }
 

@@ -19,6 +19,7 @@ mod estimators;
 mod examples;
 mod field;
 mod files;
+mod health;
 mod lockout;
 mod manifolds;
 mod plugins;

@@ -3,7 +3,7 @@
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{At, jacobian_error};
-use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::sample::{Sample, SensorId, words};
 use navfuse_testing::lab::{self, Bench, SCENARIO, seconds};
 
 fn rejected(why: Rejection) -> Outcome {
@@ -449,4 +449,16 @@ fn a_drawn_start_displaces_what_the_reference_gives_and_nothing_else() {
     let (place, drift) = (b.value("cart.place"), b.value("cart.drift"));
     assert!(place != 7.0 && (place - 7.0).abs() < 5.0, "{place}: the prior has a sigma of 1 m");
     assert_eq!(drift, 0.0);
+}
+
+#[test]
+fn channels_have_words_and_names_that_are_no_abbreviation_stay() {
+    assert_eq!(words("vel_e"), "velocity east");
+    assert_eq!(words("vel_x"), "velocity x");
+    assert_eq!(words("gyro_z"), "rate of turn z");
+    assert_eq!(words("lat"), "latitude");
+    assert_eq!(words("h_acc"), "horizontal accuracy");
+    for (name, same) in [("depth", "depth"), ("beam_1", "beam 1"), ("n", "n"), ("", "")] {
+        assert_eq!(words(name), same);
+    }
 }

@@ -78,7 +78,7 @@ impl SensorLane {
     pub fn doubt(&mut self, recording: &Recording, finding: &Finding) -> Result<(), StreamError> {
         let (severity, basis) = self.found.unwrap_or((finding.severity, finding.basis));
         self.found = Some((severity.max(finding.severity), basis.max(finding.basis)));
-        self.lane.doubt(finding.time);
+        self.lane.doubt(finding);
         self.write(recording)
     }
 

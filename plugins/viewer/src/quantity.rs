@@ -3,7 +3,7 @@
 
 use navfuse_core::state::geodesy::radii_of_curvature;
 use navfuse_core::units::Unit;
-use navfuse_core::units::sample::Channel;
+use navfuse_core::units::sample::{Channel, words};
 use std::borrow::Cow;
 
 /// The place at which an angle on the Earth becomes a distance.
@@ -31,7 +31,7 @@ enum Conversion {
 /// A channel as it is shown.
 #[derive(Clone, Debug)]
 pub struct Quantity {
-    /// Name: `north` for the channel `lat`.
+    /// Name: `north` for the channel `lat`, `velocity x` for `vel_x`.
     pub name: String,
     /// Unit.
     pub unit: Cow<'static, str>,
@@ -47,7 +47,7 @@ pub fn quantity(channel: &Channel) -> Quantity {
         ("height", Unit::METRE) => of("down", "m".into(), Conversion::Down),
         (name, unit) => {
             let (unit, factor) = unit.shown();
-            of(name, unit, Conversion::Constant(factor))
+            of(&words(name), unit, Conversion::Constant(factor))
         }
     }
 }
@@ -67,7 +67,7 @@ impl Quantity {
 
     /// Set for an accuracy that the instrument states, which is no measurement.
     pub fn is_accuracy(&self) -> bool {
-        self.name.ends_with("_acc")
+        self.name.contains("accuracy")
     }
 
     /// Set for a coordinate of a place, which is shown from its first value on.
@@ -93,6 +93,7 @@ mod tests {
         assert!(of("h_acc", "m").is_accuracy() && !of("accel_x", "mps2").is_accuracy());
         let rate = of("gyro_x", "radps");
         assert_eq!((&*rate.unit, rate.factor(here)), ("deg/s", 1f64.to_degrees()));
-        assert_eq!(of("vel_x", "mps").unit, "m/s");
+        let velocity = of("vel_x", "mps");
+        assert_eq!((velocity.name.as_str(), &*velocity.unit), ("velocity x", "m/s"));
     }
 }

@@ -133,7 +133,7 @@ fn an_operator_sets_the_position_and_nothing_else() {
         }
     }
     let text = warnings(&after);
-    assert!(text.contains("operator: the estimate is set: lat is off by"), "{text}");
+    assert!(text.contains("operator: the estimate is set: latitude is off by"), "{text}");
 }
 
 #[test]

@@ -316,7 +316,7 @@ impl RunHistory {
     /// Adds a finding.
     pub(crate) fn finding(&mut self, finding: &Finding) {
         if let Some(sensor) = self.sensors.iter_mut().find(|s| s.is_meant_by(&finding.about)) {
-            sensor.health.doubt(finding.time);
+            sensor.health.doubt(finding);
         }
         if self.findings.len() < EVENTS {
             self.findings.push(finding.clone());

@@ -200,12 +200,13 @@ fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
     let channels =
         from.iter().flat_map(|first| AXES.map(|(name, k, sign)| (name, first + k, sign)));
     let panel = |(axis, k, sign): (&str, usize, f64)| {
-        let (name, unit, factor) = channel(sensor.channels.get(k).map_or("", String::as_str));
-        let what = name.split('_').next().unwrap_or_default();
+        let column = sensor.channels.get(k).map_or("", String::as_str);
+        let (name, unit, factor) = channel(column);
+        let of = column.split('_').next().unwrap_or_default();
         let what = [("vel", "velocity"), ("gyro", "angular rate"), ("accel", "specific force")]
             .into_iter()
-            .find_map(|(short, long)| (short == what).then_some(long))
-            .unwrap_or(what);
+            .find_map(|(short, long)| (short == of).then_some(long))
+            .unwrap_or(&name);
         let points = profile(sensor, k).map(|[t, v]| [t, sign * factor * v]);
         let curves = vec![curve("", Look::Data(0), points)];
         over_time(format!("{what} {axis}"), Axis::linear(label("", &unit)), curves, Vec::new())

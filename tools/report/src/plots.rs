@@ -3,6 +3,7 @@
 use crate::history::{BlockHistory, Row, RunHistory, displacement};
 use crate::sensors::{Consistency, Innovation, SensorHistory};
 use navfuse_core::units::Unit;
+use navfuse_core::units::sample::words;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::borrow::Cow;
@@ -389,9 +390,9 @@ pub(crate) fn profile(sensor: &SensorHistory, k: usize) -> impl Iterator<Item = 
 }
 
 /// Returns the name of a channel, its display unit, and the factor from SI to that unit.
-pub fn channel(column: &str) -> (&str, Cow<'static, str>, f64) {
+pub fn channel(column: &str) -> (String, Cow<'static, str>, f64) {
     let split = column.rsplit_once('_').and_then(|(name, unit)| Some((name, Unit::si(unit).ok()?)));
-    let Some((name, unit)) = split else { return (column, "".into(), 1.0) };
+    let Some((name, unit)) = split else { return (words(column), "".into(), 1.0) };
     let (unit, factor) = unit.shown();
-    (name, unit, factor)
+    (words(name), unit, factor)
 }

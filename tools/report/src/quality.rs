@@ -62,7 +62,7 @@ fn place(bar: usize) -> f64 {
 pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
     let channels = sensor.channels.iter().zip(&sensor.updates.residuals);
     let known: Vec<_> = channels.filter(|(_, r)| r.count >= FEWEST).collect();
-    let name = |channel: &str| crate::plots::channel(channel).0.to_owned();
+    let name = |channel: &str| crate::plots::channel(channel).0;
     // a column for each channel, in rows that fit
     let (columns, mut panels) = (known.len().clamp(2, COLUMNS), Vec::new());
     for row in known.chunks(if known.len() == 1 { 1 } else { columns }) {

@@ -94,7 +94,7 @@ impl Shift {
     /// Finding about a sensor whose innovations have a mean.
     pub(in crate::filter) fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
         let &Self { channel, since, count, mean } = self;
-        let channel = sensor.channel(channel);
+        let channel = sensor.words(channel);
         let severity = if mean.abs() >= 1.0 { Severity::DoNotUse } else { Severity::Doubtful };
         Finding {
             time,

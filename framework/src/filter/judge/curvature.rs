@@ -132,7 +132,7 @@ impl Curved {
         let [first, second] = self.columns.map(of);
         let blocks =
             if first == second { first.to_owned() } else { format!("{second} and {first}") };
-        let channel = sensor.channel(self.channel);
+        let channel = sensor.words(self.channel);
         let severity =
             if self.ratio >= TOO_CURVED { Severity::DoNotUse } else { Severity::Doubtful };
         Finding {

@@ -159,7 +159,7 @@ impl Change {
 
 impl WrongFactor {
     fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
-        let (name, factor) = (sensor.channel(self.channel), self.factor);
+        let (name, factor) = (sensor.words(self.channel), self.factor);
         let cause = if factor < 0.0 {
             "its sign is reversed, for example because its axis points the other way"
         } else {

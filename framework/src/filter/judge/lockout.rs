@@ -89,7 +89,7 @@ impl Lockout {
             streak: None,
             isolation: None,
             timeout,
-            channels: channels.iter().map(|channel| Arc::clone(&channel.name)).collect(),
+            channels: channels.iter().map(|channel| channel.words().into()).collect(),
             last: None,
             used: None,
             rhythm: Rhythm::default(),

@@ -116,7 +116,7 @@ impl Excess {
 
     /// Finding about the sensor whose noise is stated too small.
     pub(in crate::filter) fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
-        let names: Vec<&str> = channels(self.channels).map(|c| sensor.channel(c)).collect();
+        let names: Vec<String> = channels(self.channels).map(|c| sensor.words(c)).collect();
         let (names, factor) = (names.join(", "), self.factor);
         Finding {
             time,

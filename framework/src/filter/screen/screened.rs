@@ -137,7 +137,7 @@ fn report(news: News, first_spike: bool, driver: Driver<'_>, observer: &mut dyn 
     match news {
         News::Spike { time, channel, jump, samples } => {
             let level = if first_spike { Level::Warning } else { Level::Info };
-            let name = info.channel(channel);
+            let name = info.words(channel);
             let text = format!(
                 "spike of {samples} sample(s) replaced: {name} jumped by {jump:.3} and came back"
             );
@@ -191,9 +191,9 @@ fn evidence(
     } else {
         format!("for {duration:.2} s from {from}")
     };
-    let names: Vec<&str> = (0..MAX_CHANNELS.min(info.channels.len()))
+    let names: Vec<String> = (0..MAX_CHANNELS.min(info.channels.len()))
         .filter(|c| channels >> c & 1 == 1)
-        .map(|c| info.channel(c))
+        .map(|c| info.words(c))
         .collect();
     let names = names.join(", ");
     let what = match fault {

@@ -2,7 +2,8 @@
 //! not used.
 
 use crate::model::chi_square::outside;
-use crate::model::record::latest::{LATEST, Latest};
+use crate::model::record::finding::{Finding, Severity};
+use crate::model::record::latest::{LATEST, Latest, Sums};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
 use crate::units::rhythm::Rhythm;
 use crate::units::time::{Span, Time};
@@ -15,6 +16,9 @@ const MAJORITY: usize = 9;
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
 const NIS_EXCESS: f64 = 1.5;
+/// Probability, in both directions, beyond which the NIS of a window does not agree: one consistent
+/// window in twenty is that large.
+const AGREES_ALPHA: f64 = 0.1;
 
 /// Health of a sensor at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +27,8 @@ pub enum Health {
     Used,
     /// The samples correct the state, but their innovations are too large for their sigma.
     Noisy,
-    /// The samples correct the state, although the filter or a monitor found a fault of the sensor.
+    /// The samples correct the state, although the filter or a monitor found a fault of the sensor,
+    /// after which they have not agreed with the filter yet.
     Doubted,
     /// Most samples are outside the gate.
     Gated,
@@ -137,6 +142,15 @@ impl From<&UpdateRecord<'_>> for Judged {
     }
 }
 
+/// Doubt of a sensor with a fault.
+#[derive(Clone, Copy, Debug)]
+struct Doubt {
+    /// Set where no later sample removes the doubt.
+    lasts: bool,
+    /// Number of accepted samples since the fault was found, or since a sample was refused.
+    accepted: usize,
+}
+
 /// Lane of one sensor.
 #[derive(Clone, Debug, Default)]
 pub struct Lane {
@@ -145,6 +159,7 @@ pub struct Lane {
     current: Option<(Health, Time)>,
     /// Time of the first finding about the sensor.
     doubted: Option<Time>,
+    doubt: Option<Doubt>,
     latest: VecDeque<(Time, Health)>,
     nis: Latest,
     rhythm: Rhythm,
@@ -199,8 +214,18 @@ impl Lane {
     }
 
     /// Takes a finding about the sensor: from its time on the sensor is doubted where it is used.
-    pub fn doubt(&mut self, time: Time) {
+    ///
+    /// A fault that was contained is doubted until the latest 25 samples agree with the filter, of which
+    /// none was refused. A sensor without innovations, such as a driving one, shows no agreement. A note
+    /// is no doubt.
+    pub fn doubt(&mut self, finding: &Finding) {
+        let Finding { time, severity, .. } = *finding;
+        if severity == Severity::Note {
+            return;
+        }
         self.doubted.get_or_insert(time);
+        let lasts = severity > Severity::Contained || self.doubt.is_some_and(|doubt| doubt.lasts);
+        self.doubt = Some(Doubt { lasts, accepted: 0 });
         if let Some((Health::Used | Health::Noisy, from)) = self.current {
             self.change(Health::Doubted, time.max(from));
         }
@@ -220,6 +245,9 @@ impl Lane {
             Some(innovation) => self.consistent(innovation),
             None => update.health,
         };
+        if let Some(doubt) = self.doubt.as_mut().filter(|_| health.refuses()) {
+            doubt.accepted = 0;
+        }
         if self.is_part(update) {
             // of a sample in parts the worst one counts
             match self.latest.back() {
@@ -247,10 +275,22 @@ impl Lane {
     /// Judges the NIS of the latest accepted samples against its expectation behind the gate.
     fn consistent(&mut self, innovation: &Judgement) -> Health {
         let latest = self.nis.take(innovation);
+        self.agree(&latest);
         let noisy = latest.count == LATEST
             && latest.nis > NIS_EXCESS * latest.mean
             && outside(latest.nis, latest.mean, latest.variance, NIS_ALPHA);
         if noisy { Health::Noisy } else { Health::Used }
+    }
+
+    /// Ends the doubt of a contained fault if the latest accepted samples agree with the filter.
+    fn agree(&mut self, latest: &Sums) {
+        let Some(doubt) = &mut self.doubt else { return };
+        doubt.accepted += 1;
+        let agrees = latest.nis <= latest.mean
+            || !outside(latest.nis, latest.mean, latest.variance, AGREES_ALPHA);
+        if !doubt.lasts && doubt.accepted >= LATEST && agrees {
+            self.doubt = None;
+        }
     }
 
     /// Takes the health of a sample that arrives.
@@ -266,7 +306,7 @@ impl Lane {
     /// Lets the lane follow the majority of the latest samples, of which this is one.
     fn follow(&mut self, time: Time, health: Health) {
         let health = match health {
-            Health::Used | Health::Noisy if self.doubted.is_some() => Health::Doubted,
+            Health::Used | Health::Noisy if self.doubt.is_some() => Health::Doubted,
             other => other,
         };
         if self.latest.len() == MAJORITY {

@@ -66,9 +66,9 @@ saved!(
 );
 
 impl Rejection {
-    /// The reason in words; `columns` are the names of the sensor's channels.
-    pub fn reason(self, columns: &[impl AsRef<str>]) -> String {
-        let column = |i: usize| columns.get(i).map_or("a channel", AsRef::as_ref);
+    /// The reason in words; `names` are those of the sensor's channels, in words.
+    pub fn reason(self, names: &[impl AsRef<str>]) -> String {
+        let column = |i: usize| names.get(i).map_or("a channel", AsRef::as_ref);
         match self {
             Self::NotFinite(i) => format!("{} is not finite", column(i)),
             Self::Missing => "channels are missing".into(),

@@ -42,6 +42,11 @@ impl SensorInfo {
         self.channels.get(index).map_or("?", |channel| &channel.name)
     }
 
+    /// The words for the channel of that index, for a message: `velocity east`.
+    pub fn words(&self, index: usize) -> String {
+        self.channels.get(index).map_or_else(|| "a channel".to_owned(), Channel::words)
+    }
+
     /// The index of the channel of that name.
     pub fn position(&self, channel: &str) -> Option<usize> {
         self.channels.iter().position(|c| &*c.name == channel)

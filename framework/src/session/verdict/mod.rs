@@ -67,7 +67,7 @@ impl Judge {
         let white = layout.blocks.iter().all(|b| b.spec.mode != Mode::Consider);
         let statistics = |s: &crate::model::sensor::Sensor| {
             (s.info.purpose == Purpose::Measurement).then(|| {
-                let channels = s.info.channels.iter().map(Channel::column).collect();
+                let channels = s.info.channels.iter().map(Channel::words).collect();
                 SensorStatistics::new(s.info.name.clone(), channels, s.constraint)
             })
         };

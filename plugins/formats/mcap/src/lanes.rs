@@ -89,7 +89,7 @@ impl Lanes {
         let about = finding.about.split(['.', ' ']).next();
         let mut lanes = self.lanes.iter_mut().flatten();
         let Some(lane) = lanes.find(|lane| about == Some(&lane.name)) else { return Ok(()) };
-        lane.lane.doubt(finding.time);
+        lane.lane.doubt(finding);
         lane.write(log, finding.time)
     }
 

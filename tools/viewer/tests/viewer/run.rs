@@ -78,7 +78,7 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Sensors", "dvl"],
         &[
-            ("dvl vel_x [mm/s]", &[RED, BOUND, GATED]),
+            ("dvl velocity x [mm/s]", &[RED, BOUND, GATED]),
             ("dvl NIS per channel [10^y]", &[BLUE, MARK, BAND, GATED]),
         ],
     ),

@@ -74,7 +74,10 @@ fn a_small_error_of_the_dvl_is_named_within_seconds() {
         let trial = dive(place, "dvl", fault);
         survived_or_named(&trial, "dvl");
         let finding = worst(&trial, "dvl").unwrap();
-        assert!(finding.text.contains("vel_x") && finding.time.seconds() < 253.0, "{finding:?}");
+        assert!(
+            finding.text.contains("velocity x") && finding.time.seconds() < 253.0,
+            "{finding:?}"
+        );
     }
 }
 
@@ -153,7 +156,7 @@ fn a_left_handed_dvl_is_named() {
     for place in PLACES {
         let trial = bench::run(DIVE, &[STOP, place, fault]);
         survived_or_named(&trial, "dvl");
-        assert!(worst(&trial, "dvl").unwrap().text.contains("vel_y"));
+        assert!(worst(&trial, "dvl").unwrap().text.contains("velocity y"));
     }
 }
 
