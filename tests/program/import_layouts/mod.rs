@@ -4,6 +4,7 @@
 mod dialects;
 mod dives;
 mod programs;
+mod words;
 
 use dialects::{Layout, Random};
 use navfuse_core::document::Document;

@@ -1,5 +1,6 @@
 //! The text of the scenario.
 
+mod clock;
 mod grade;
 mod priors;
 mod sources;
@@ -40,7 +41,8 @@ pub fn scenario(
     start(&mut out, recording, &stream);
     process(&mut out, recording, &stream, answers);
     for part in &recording.parts {
-        sensor(&mut out, part, stream(part.name));
+        let apart = recording.part("imu").is_some_and(|imu| imu.file != part.file);
+        sensor(&mut out, part, stream(part.name), apart);
     }
     sources(&mut out, recording);
     (out.text, out.questions)
@@ -179,7 +181,8 @@ fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, 
     }
 }
 
-fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
+/// The table of a sensor, whose file may be another one than that of the IMU.
+fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>, apart: bool) {
     out.line("");
     if let Some(s) = stream {
         let text = format!(
@@ -201,14 +204,7 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     }
     part.found.sensor.iter().for_each(|key| out.line(key));
     part.samples.line().iter().for_each(|line| out.line(line));
-    if let Some(clock) = stream.and_then(|s| s.clock) {
-        out.line(&format!("# {}", clock.describe()));
-        let given = part.found.sensor.iter().any(|key| key.starts_with("time_offset"));
-        let span = stream.map_or(0.0, StreamSurvey::length);
-        if let Some(line) = clock.state(span, part.samples.clock.is_some()).filter(|_| !given) {
-            out.line(&line);
-        }
-    }
+    clock::state(out, part, stream, apart);
     match part.name {
         "imu" => {
             let [gyro, accel] = stream.map_or([0.3, 100.0], StreamSurvey::densities).map(round);
@@ -246,7 +242,10 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             }
             lever_arm(out, part, "position from the IMU");
         }
-        "depth" => out.ask("noise = \"10 cm\"", "noise of the data sheet"),
+        "depth" => {
+            out.ask("noise = \"10 cm\"", "noise of the data sheet");
+            lever_arm(out, part, "pressure port from the IMU");
+        }
         "gnss" => {
             let reports = |name: &str| {
                 stream.is_some_and(|s| s.channel(name).is_some_and(|k| s.mean[k] > 0.0))
@@ -323,7 +322,7 @@ fn lever_arm(out: &mut Text, part: &Part, question: &str) {
             out.line(&format!("lever_arm = [\"{x} m\", \"{y} m\", \"{z} m\"]  # of /tf_static"));
         }
         // an unknown one is a state of the filter, where the sensor can have it as one
-        None if ["dvl", "dvl-beams", "gnss"].contains(&part.found.kind) => {
+        None if ["dvl", "dvl-beams", "depth", "gnss"].contains(&part.found.kind) => {
             out.ask("lever_arm = { sigma = \"0.5 m\" }", question);
         }
         None => out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", question),

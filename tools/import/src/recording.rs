@@ -95,6 +95,8 @@ pub struct Recording {
     pub earth: Option<bool>,
     /// Velocity of a receiver in a file of its own.
     pub velocity: Option<(Found, PathBuf)>,
+    /// Height at the start, m, as answered.
+    pub height: Option<f64>,
     /// Gyros and accelerometers in files of their own.
     pub halves: [Option<(Found, PathBuf)>; 2],
 }

@@ -22,6 +22,9 @@ const NOISY: f64 = 3600.0;
 const ABOVE: f64 = -0.3;
 /// Time before which a clock is not that of Unix, s: ten years after 1970.
 const COUNTS: f64 = 315_576_000.0;
+/// Depth, m, whose pressure is that of the air, and the distance, m, of a depth that is near another one.
+const ATMOSPHERE: f64 = 10.1;
+const NEARER: f64 = 5.0;
 /// Sensors whose clock is not shifted: they are what the others are compared with.
 const FIXED: [&str; 5] = ["imu", "ahrs", "reference", "odometry", "attitude"];
 /// Sensors that drive the filter.
@@ -113,6 +116,7 @@ impl Recording {
         // clocks and mountings are compared in the right axes, and axes on the right clock
         changed
             || self.turn_depth(streams)
+            || self.count_pressure(streams)
             || self.turn_beams(streams)
             || self.turn_log(streams)
             || self.exchange(streams)
@@ -403,6 +407,28 @@ impl Recording {
             "write the times of both on one clock, or shift one with `offset` of the key `time` in a \
              scenario",
         ))
+    }
+
+    /// Takes a pressure for one above the surface, where its first depth is then that of the position as
+    /// answered, and else ten metres off.
+    fn count_pressure(&mut self, streams: &[StreamSurvey]) -> bool {
+        let depth = self.height.map(|height| -height).filter(|depth| *depth > 0.0);
+        let first = find(streams, "depth").and_then(|s| s.first.get(0));
+        let Some((depth, first)) = depth.zip(first) else { return false };
+        let nearer = (first + ATMOSPHERE - depth).abs() < NEARER && first < depth - NEARER;
+        let Some(part) = self.part_mut("depth").filter(|_| nearer) else { return false };
+        let pressure = part.found.questions.iter().any(|q| q.contains("counts above vacuum"));
+        let keys = part.found.source.iter_mut().filter(|key| key.starts_with("columns.depth"));
+        let Some(key) = keys.filter(|_| pressure).find(|key| !key.contains("atmosphere")) else {
+            return false;
+        };
+        *key = key.replace("\" }", "\", atmosphere = \"0 Pa\" }");
+        let text =
+            "its pressure counts above the one at the surface, by the height of the position";
+        part.found.questions.retain(|q| !q.contains("counts above vacuum"));
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("depth: {text}"));
+        true
     }
 
     /// Turns a depth that is below zero on average, and no pressure at a height above the sea.

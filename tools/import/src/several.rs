@@ -12,6 +12,7 @@ impl Recording {
     /// # Errors
     /// When no answer gives it.
     pub fn count_from(&mut self, position: Option<[f64; 3]>) -> Result<(), StreamError> {
+        self.height = position.map(|[.., height]| height);
         let point = position.map(|[latitude, longitude, height]| {
             format!(
                 "{{ latitude = \"{latitude} deg\", longitude = \"{longitude} deg\", height = \"{height} m\" }}"

@@ -3,7 +3,7 @@
 /// Gravity, m/s^2. An error of it changes the vertical axis alone, which is not used.
 const GRAVITY: f64 = 9.81;
 /// Longest time in seconds over which the specific force levels the IMU.
-pub const LEVELLING: f64 = 60.0;
+const LEVELLING: f64 = 60.0;
 /// Largest number of rows of the IMU; beyond, every other one is removed.
 const ROWS: usize = 1 << 18;
 
@@ -41,7 +41,7 @@ impl Inertial {
         // d' = d x w for a vector that rests in space; the measured one corrects it slowly, and at
         // once in the beginning
         let turned = cross(before, rate);
-        let gain = interval / (time - self.begin).clamp(1.0, LEVELLING);
+        let gain = interval / self.levelling(time);
         let moved: [f64; 3] = std::array::from_fn(|k| {
             before[k] + interval * turned[k] + gain * (measured[k] - before[k])
         });
@@ -68,6 +68,11 @@ impl Inertial {
             let s = self.sums;
             self.rows.push([time, s[0], s[1], s[2], s[3], s[4], s[5], s[6]]);
         }
+    }
+
+    /// The time, s, over which the specific force levels the IMU: less in the beginning.
+    pub fn levelling(&self, time: f64) -> f64 {
+        (time - self.begin).clamp(1.0, LEVELLING)
     }
 
     /// Times of the first and the last row.

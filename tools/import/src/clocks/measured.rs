@@ -1,6 +1,6 @@
 //! The quantity of a sensor that is compared with the IMU.
 
-use super::inertial::{Inertial, LEVELLING, cross};
+use super::inertial::{Inertial, cross};
 use std::f64::consts::{PI, TAU};
 
 /// Largest number of samples of another sensor.
@@ -11,6 +11,9 @@ const SPACING: f64 = 0.98;
 pub(super) const MEAN: usize = 3;
 /// Speed over ground, m/s, below which a course is no heading.
 const SLOWEST: f64 = 1.0;
+
+/// The words for the comparison of velocities.
+pub(super) const OF_VELOCITY: &str = "the change of its velocity with the specific force";
 
 /// Least number of differences of samples.
 pub const LEAST: usize = 30;
@@ -122,7 +125,7 @@ impl Measured {
     /// The words for the two quantities that are compared.
     pub(super) fn means(&self) -> &'static str {
         match self {
-            Self::Velocity(_) => "the change of its velocity with the specific force",
+            Self::Velocity(_) => OF_VELOCITY,
             Self::Heading(_) => "the change of its heading with the angular rate",
             Self::Ground(_) => "the change of its course with the angular rate",
         }
@@ -155,9 +158,11 @@ impl Measured {
                 let Some([change, angle]) = change else { return y.map(|y| y * interval) };
                 let turned = cross(y, angle);
                 let before = y;
-                let decay = (-interval / LEVELLING).exp();
+                // the IMU is levelled faster in the beginning
+                let levelling = imu.levelling(rows[k][0] + 0.5 * interval - tau);
+                let decay = (-interval / levelling).exp();
                 for i in 0..3 {
-                    y[i] = (y[i] + turned[i]) * decay - change[i] / LEVELLING;
+                    y[i] = (y[i] + turned[i]) * decay - change[i] / levelling;
                 }
                 std::array::from_fn(|i| 0.5 * (before[i] + y[i]) * interval)
             })

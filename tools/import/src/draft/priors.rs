@@ -27,10 +27,8 @@ pub(super) fn biases(
     let usual = if out.aligned_at_rest { 0.1 * noise } else { 3.0 * noise };
     let rest = imu.and_then(|imu| imu.quietest).filter(|_| noise > MEMS && !out.aligned_at_rest);
     let shown = usual.max(rest.map_or(0.0, |rate| rate.to_degrees() * 3600.0));
-    let gyro = match heading {
-        Some(Heading::Relative) => round(shown.hypot(EARTH_RATE)),
-        _ => round(shown),
-    };
+    let relative = out.relative || matches!(heading, Some(Heading::Relative));
+    let gyro = round(if relative { shown.hypot(EARTH_RATE) } else { shown });
     out.ask(&format!("gyro_bias = {{ sigma = \"{gyro} deg/h\" }}"), "bias of the data sheet");
     let accel = round(1.5 * imu.map_or(0.0, |imu| excess(imu, place)) / MG).max(ACCEL);
     out.ask(&format!("accel_bias = {{ sigma = \"{accel} mg\" }}"), "bias of the data sheet");

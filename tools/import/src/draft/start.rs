@@ -32,7 +32,10 @@ fn north(imu: &StreamSurvey, seconds: f64) -> f64 {
     imu.densities()[0] / seconds.max(1.0).sqrt() / EARTH_RATE
 }
 
-/// Question about a heading that no file shows.
+/// Question about a heading that no file shows, where no position contradicts another one.
+const RELATIVE: &str = "no file shows the heading at the start: headings, velocities and the track count from it; give \
+                        it with --heading 75";
+/// Question about a heading that no file shows, but that positions need.
 const UNKNOWN: &str = "no file shows the heading at the start, and the gyros do not find north in this time: give it \
                        with --heading 75, or count from it with --heading relative";
 /// 1-sigma of a heading that nobody knows, and of one that is zero by definition, deg.
@@ -50,6 +53,11 @@ impl Known {
     /// The heading of a sensor, rad.
     fn measured(yaw: f64, sigma: f64, question: &'static str) -> Self {
         Self { yaw: yaw.to_degrees(), sigma, question: Some(question) }
+    }
+
+    /// A heading that is zero by definition.
+    fn defined() -> Self {
+        Self { yaw: 0.0, sigma: DEFINED, question: Some(RELATIVE) }
     }
 
     fn answered(heading: Heading) -> Self {
@@ -82,6 +90,12 @@ pub fn align<'a>(
         Known::measured(yaw, 8.0, question)
     });
     let known = compass.or(own);
+    // without positions of a vehicle that moves, any heading fits
+    let free = stream("gnss").is_none_or(|gnss| gnss.fastest < SLOWEST);
+    let begun = |out: &mut Text| {
+        out.relative = known.is_none() && free;
+        Some(Known::defined()).filter(|_| out.relative)
+    };
     // a receiver measures the velocity too
     let moving = recording.part("gnss").is_some_and(|gnss| gnss.found.velocity);
     let velocity = if moving { ", velocity = \"dvl\"" } else { "" };
@@ -101,7 +115,8 @@ pub fn align<'a>(
     let duration = (span - 1.0).floor().min(LONGEST);
     if rest || recording.part("dvl").is_none() {
         if duration < SHORTEST || north(imu, duration) > GATE {
-            return level(out, Some(imu), known);
+            let begun = begun(out);
+            return level(out, Some(imu), known.or(begun));
         }
         out.aligned_at_rest = true;
         out.ask(
@@ -111,8 +126,9 @@ pub fn align<'a>(
             ),
             "time at rest from the start, and the heading that is accurate enough",
         );
-    } else if known.is_some() && north(imu, span.min(IN_MOTION)) > GATE {
-        level(out, Some(imu), known);
+    } else if (known.is_some() || free) && north(imu, span.min(IN_MOTION)) > GATE {
+        let begun = begun(out);
+        level(out, Some(imu), known.or(begun));
     } else if span >= IN_MOTION {
         out.line(&format!("alignment = {{ method = \"in-motion\"{velocity}{gap} }}"));
     } else if span >= SHORTEST_IN_MOTION {
@@ -126,7 +142,8 @@ pub fn align<'a>(
             "the recording is short: which heading is accurate enough?",
         );
     } else {
-        level(out, Some(imu), known);
+        let begun = begun(out);
+        level(out, Some(imu), known.or(begun));
     }
 }
 

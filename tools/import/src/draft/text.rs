@@ -13,6 +13,8 @@ pub struct Text {
     pub questions: Vec<String>,
     /// Set if the heading at the start is too uncertain for one linearisation.
     pub wide: bool,
+    /// Set if the heading counts from the one at the start.
+    pub relative: bool,
     /// Set if an alignment at rest finds north by the gyros.
     pub aligned_at_rest: bool,
     /// Time at which the alignment begins, s, if not at the first sample.

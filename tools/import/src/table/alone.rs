@@ -38,6 +38,16 @@ impl Table<'_> {
         }
     }
 
+    /// Takes a velocity down beside one forward and one to the right for the third of a log.
+    pub(super) fn down_beside_forward(&mut self) {
+        let of_log = self.has(&["vel_x", "vel_y", "vel_d"])
+            && ["vel_z", "vel_n", "vel_e"].iter().all(|other| self.find(other).is_none());
+        for (_, meaning) in self.columns.iter_mut().filter(|(_, m)| of_log && m.channel == "vel_d")
+        {
+            meaning.channel = "vel_z";
+        }
+    }
+
     /// A depth in a table with one height alone: `z`, or a height below zero.
     pub(super) fn depth_by_height(&self) -> Option<Found> {
         let alone = self.layout.headings.iter().filter_map(|h| vocabulary::axis(h)).count() < 2;

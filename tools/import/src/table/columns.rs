@@ -75,6 +75,7 @@ impl<'a> Table<'a> {
             phi.for_each(|(_, meaning)| meaning.channel = "lat");
         }
         let mut table = Self { layout, columns, questions };
+        table.down_beside_forward();
         table.name_axes(name);
         table
     }
@@ -293,7 +294,10 @@ impl<'a> Table<'a> {
         }
         let angles = channels.contains(&"lat") && self.has(&["lat"]);
         let place = angles.then(|| self.place(&mut questions));
-        for channel in channels {
+        // a velocity down alone is no velocity of a receiver
+        let moves = self.has(&["vel_n", "vel_e"]) || self.has(&["speed", "course"]);
+        let whole = moves || !channels.contains(&"vel_n");
+        for channel in channels.iter().filter(|c| whole || !c.starts_with("vel_")) {
             let word = if *channel == "heading" { "yaw" } else { channel };
             let Some((k, meaning)) = self.find(word) else { continue };
             let (heading, usual) = (self.heading(*k), self.usual(*k, channel));

@@ -1,8 +1,10 @@
-//! Files with rows of several kinds, each of which begins with its name: `IMU,0.01,...`, `GPS,0.2,...`.
+//! Files with rows of several kinds, whose names stand in one of the first cells: `IMU,0.01,...`, `GPS,0.2,...`, or
+//! `0.01,GYR,...`, `0.01,ACC,...`.
 
 use super::content;
 use super::layout::Layout;
 use super::measured::measured;
+use super::vocabulary::meaning;
 use crate::found::Found;
 
 /// Least number of lines of such a file, and the share of lines that must begin with a word.
@@ -13,8 +15,12 @@ const KINDS: usize = 200;
 /// The kind that describes the columns of the others, as ArduPilot writes it: type, length, name,
 /// format, headings.
 const DESCRIPTION: &str = "FMT";
-/// Sensors that such a file may have; its other rows are of the vehicle's own filter.
+/// Number of cells of which one may hold the name.
+const PLACES: usize = 3;
+/// Sensors that a file with descriptions may have; its other rows are of the vehicle's own filter.
 const SENSORS: [&str; 4] = ["imu", "gyros", "accels", "gnss"];
+/// The same for a file without, by the names of its rows.
+const NAMED: [&str; 6] = ["imu", "gyros", "accels", "gnss", "dvl", "depth"];
 
 /// The rows of one kind.
 struct Kind<'a> {
@@ -22,17 +28,27 @@ struct Kind<'a> {
     lines: Vec<&'a str>,
 }
 
-fn first_word(line: &str) -> Option<&str> {
-    let word = line.split([',', ';', '\t', ' ']).next()?.trim();
-    let named = word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '$');
-    (named && word.len() < line.len()).then_some(word)
+/// The cells of a line, which commas or the like separate, or else spaces.
+fn cells(line: &str) -> Vec<&str> {
+    let separators = [',', ';', '\t', '|'];
+    match line.contains(separators) {
+        true => line.split(separators).map(str::trim).collect(),
+        false => line.split_whitespace().collect(),
+    }
 }
 
-/// The kinds of rows, if nearly all lines begin with the name of a kind.
-fn kinds(text: &str) -> Vec<Kind<'_>> {
+/// The word in a cell of a line with several.
+fn word(line: &str, place: usize) -> Option<&str> {
+    let cells = cells(line);
+    let word = cells.get(place).copied().filter(|_| cells.len() > 1)?;
+    word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '$').then_some(word)
+}
+
+/// The kinds of rows, if nearly all lines have the name of a kind in this cell.
+fn kinds(text: &str, place: usize) -> Vec<Kind<'_>> {
     let lines: Vec<&str> =
         text.lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#')).collect();
-    let words = lines.iter().filter_map(|line| Some((first_word(line)?, *line)));
+    let words = lines.iter().filter_map(|line| Some((word(line, place)?, *line)));
     let mut kinds: Vec<Kind<'_>> = Vec::new();
     let mut named = 0;
     for (name, line) in words {
@@ -50,10 +66,27 @@ fn kinds(text: &str) -> Vec<Kind<'_>> {
 
 /// Tests whether kinds differ in their numbers of cells.
 fn of_several_widths(kinds: &[Kind<'_>]) -> bool {
-    let cells = |kind: &Kind<'_>| kind.lines[0].split([',', ';', '\t']).count();
-    let mut widths: Vec<usize> = kinds.iter().filter(|k| k.lines.len() > 1).map(cells).collect();
+    let count = |kind: &Kind<'_>| cells(kind.lines[0]).len();
+    let mut widths: Vec<usize> = kinds.iter().filter(|k| k.lines.len() > 1).map(count).collect();
     widths.dedup();
     widths.len() > 1
+}
+
+/// The headings of rows with a time and a vector or a number, by the name of their kind.
+fn by_name(layout: &Layout, kind: &Kind<'_>, place: usize) -> Option<Vec<String>> {
+    let mut columns = (0..layout.width()).filter(|k| *k != place);
+    let time = columns.find(|k| content::increases(&layout.column(*k)))?;
+    let free: Vec<usize> = columns.collect();
+    let channel = |heading: &str| meaning(heading).map(|m| m.channel);
+    let axes = ["x", "y", "z"].map(|axis| channel(&format!("{} {axis}", kind.name)));
+    let named: Vec<&str> = match axes {
+        [Some(x), Some(y), Some(z)] if x.ends_with("_x") && free.len() > 2 => vec![x, y, z],
+        _ => channel(kind.name).filter(|c| *c == "depth" || *c == "pressure").into_iter().collect(),
+    };
+    let mut headings: Vec<String> = (1..=layout.width()).map(|k| format!("column_{k}")).collect();
+    headings[time] = "time".to_owned();
+    named.iter().zip(&free).for_each(|(name, k)| headings[*k] = (*name).to_owned());
+    (!named.is_empty()).then_some(headings)
 }
 
 /// The headings that a description, or a comment, has for a kind.
@@ -73,24 +106,25 @@ fn described(text: &str, kinds: &[Kind<'_>], name: &str) -> Option<Vec<String>> 
 }
 
 /// The sensors of one kind of rows.
-fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>) -> Vec<Found> {
+fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>, place: usize) -> Vec<Found> {
     let rows = kind.lines.join("\n") + "\n";
     let Some(mut layout) = Layout::of(&rows) else { return Vec::new() };
     let mut questions = Vec::new();
-    match described(text, kinds, kind.name) {
-        Some(headings) if headings.len() == layout.width() => layout.headings = headings,
-        _ => {
-            let Some((mut headings, question)) = content::headings(&layout) else {
-                return Vec::new();
-            };
-            headings[0] = "kind".to_owned();
-            layout.headings = headings;
+    let described = described(text, kinds, kind.name).filter(|_| place == 0);
+    let headings = match described {
+        Some(headings) if headings.len() == layout.width() => Some(headings),
+        _ => by_name(&layout, kind, place).or_else(|| {
+            let (headings, question) = content::headings(&layout)?;
             questions.push(question);
-        }
-    }
+            Some(headings)
+        }),
+    };
+    let Some(mut headings) = headings else { return Vec::new() };
+    headings[place] = "kind".to_owned();
+    layout.headings = headings;
     layout.given = true;
     layout.skip = 0;
-    layout.kind = vec![(0, kind.name.to_owned())];
+    layout.kind = vec![(place, kind.name.to_owned())];
     // several instances share their rows: the first is used
     let instance = layout.headings.iter().position(|h| h == "I");
     if let Some((k, first)) = instance.and_then(|k| Some((k, layout.rows.first()?.get(k)?.clone())))
@@ -104,16 +138,27 @@ fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>) -> Vec<Found> {
 /// The sensors of a file with rows of several kinds: for each sensor the first kind that has it, or
 /// the first one with a velocity.
 pub fn sensors(text: &str) -> Vec<Found> {
-    let kinds = kinds(text);
-    let mut sensors: Vec<Found> = Vec::new();
-    let found = kinds.iter().filter(|kind| kind.lines.len() > 1).flat_map(|k| of(text, &kinds, k));
-    for found in found.filter(|found| SENSORS.contains(&found.kind)) {
-        match sensors.iter_mut().find(|known| known.kind == found.kind) {
-            Some(known) if found.velocity && !known.velocity => *known = found,
-            Some(_) => {}
-            None => sensors.push(found),
+    let found = |place: usize| {
+        let kinds = kinds(text, place);
+        let described = kinds.iter().any(|kind| kind.name == DESCRIPTION);
+        let wanted: &[&str] = if described { &SENSORS } else { &NAMED };
+        let mut sensors: Vec<Found> = Vec::new();
+        let mut used = 0;
+        for kind in kinds.iter().filter(|kind| kind.lines.len() > 1) {
+            let before = sensors.len();
+            for found in of(text, &kinds, kind, place) {
+                match sensors.iter_mut().find(|known| known.kind == found.kind) {
+                    _ if !wanted.contains(&found.kind) => {}
+                    Some(known) if found.velocity && !known.velocity => *known = found,
+                    Some(_) => {}
+                    None => sensors.push(found),
+                }
+            }
+            used += usize::from(sensors.len() > before);
         }
-    }
-    // rows of one width with a word before them may be one table
-    if sensors.len() > 1 || of_several_widths(&kinds) { sensors } else { Vec::new() }
+        // rows of one width with a word before them may be one table; a word further on may be a status
+        let whole = sensors.len() > 1 || of_several_widths(&kinds);
+        if whole && (place == 0 || used > 1) { sensors } else { Vec::new() }
+    };
+    (0..PLACES).map(found).find(|sensors| !sensors.is_empty()).unwrap_or_default()
 }

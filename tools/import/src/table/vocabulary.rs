@@ -2,7 +2,7 @@
 
 mod lists;
 
-use lists::{AXES, BEHIND, FOLLOWING, NOISE, OTHERS, SCALARS, VECTORS};
+use lists::{AXES, BEHIND, FOLLOWING, LOG, NOISE, OTHERS, OWN_AXES, SCALARS, VECTORS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
 
 /// The quantity of a column.
@@ -68,6 +68,10 @@ pub fn expression(text: &str) -> Option<String> {
         "barg" | "bara" => Some("bar"),
         "hpa" | "mbar" | "mbars" => Some("hPa"),
         "ft" | "feet" | "foot" => Some("ft"),
+        "ft/sec" | "fps" => Some("ft/s"),
+        "fathom" | "fathoms" | "fm" | "ftm" => Some("6*ft"),
+        "dbars" | "decibar" | "decibars" => Some("dbar"),
+        "atmosphere" | "atmospheres" => Some("atm"),
         _ => None,
     };
     let valid = |text: &str| parse_unit(text).is_ok().then(|| text.to_owned());
@@ -95,6 +99,8 @@ pub fn si(channel: &str) -> &'static str {
     vector.map(|v| v.1).or_else(scalar).unwrap_or_default()
 }
 
+/// Rank of an axis whose word names the axes of one vector alone.
+const OWN: usize = 50;
 /// Words for increments of the attitude as a quaternion.
 const QUATERNIONS: [&str; 2] = ["dq", "oriinc"];
 /// Increments, and the rates that they are where their unit is one of a rate.
@@ -127,28 +133,45 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
             Some((of_unit(name, unit)?, *sign, rank))
         })
     };
-    let vector = |text: &str, axis: &str| {
-        let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == axis)?;
+    let vector = |text: &str, word: &str| {
+        let any = AXES.iter().find(|(axis, ..)| *axis == word);
+        let own = |names: &[&str; 3]| {
+            let (_, axes) = OWN_AXES.iter().find(|(first, _)| *first == names[0])?;
+            let axis = axes.iter().position(|words| words.contains(&word))?;
+            (text.len() > 2).then_some((axis, 1.0))
+        };
         VECTORS.iter().find_map(|(names, _, words)| {
             let rank = words.iter().position(|w| *w == text)?;
+            let (axis, sign) = any.map(|(_, axis, sign)| (*axis, *sign)).or_else(|| own(names))?;
+            // an axis of its own is named better by x, y and z
+            let rank = rank + if any.is_some() { 0 } else { OWN };
             // the vector of a quaternion has half of the angle
-            let sign = if QUATERNIONS.contains(&text) { 2.0 * sign } else { *sign };
-            Some((of_unit(names[*axis], unit)?, sign, rank))
+            let sign = if QUATERNIONS.contains(&text) { 2.0 * sign } else { sign };
+            Some((of_unit(names[axis], unit)?, sign, rank))
         })
     };
     let split = |text: &str| -> Option<(&'static str, f64, usize)> {
         // the axis at the end or at the beginning of the words
         let cut = |at: usize| text.is_char_boundary(at).then(|| text.split_at(at));
-        let ends = AXES.iter().filter(|(word, ..)| text.len() > word.len());
+        let own = OWN_AXES.iter().flat_map(|(_, axes)| axes.iter().copied().flatten().copied());
+        let ends = AXES.iter().map(|(word, ..)| *word).chain(own);
+        let ends = ends.filter(|word| text.len() > word.len());
         ends.clone()
-            .filter_map(|(word, ..)| cut(text.len() - word.len()))
+            .filter_map(|word| cut(text.len() - word.len()))
             .find_map(|(stem, axis)| vector(stem, axis))
             .or_else(|| {
-                ends.filter_map(|(word, ..)| cut(word.len()))
-                    .find_map(|(axis, stem)| vector(stem, axis))
+                ends.filter_map(|word| cut(word.len())).find_map(|(axis, stem)| vector(stem, axis))
             })
     };
-    number(&plain).or_else(|| number(&joined)).or_else(|| split(&plain)).or_else(|| split(&joined))
+    // a velocity among words of a log, as `bt.vx`
+    let of_log = || {
+        let kept: Vec<&str> = kept.iter().copied().filter(|w| !LOG.contains(w)).collect();
+        let fewer = kept.len() < words.len() && words.iter().any(|w| LOG.contains(&w.as_str()));
+        let found = || split(&kept.concat()).filter(|(name, ..)| name.starts_with("vel_"));
+        fewer.then(found).flatten()
+    };
+    let plainly = number(&plain).or_else(|| number(&joined));
+    plainly.or_else(|| split(&plain)).or_else(|| split(&joined)).or_else(of_log)
 }
 
 /// The meaning of a heading.

@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 42] = [
+pub const NOISE: [&str; 43] = [
     "field",
     "msg",
     "header",
@@ -18,6 +18,7 @@ pub const NOISE: [&str; 42] = [
     "calibrated",
     "cal",
     "uncal",
+    "uncalibrated",
     "uncomp",
     "comp",
     "compensated",
@@ -47,8 +48,11 @@ pub const NOISE: [&str; 42] = [
     "1e7",
 ];
 
+/// Words that say that a velocity is of a velocity log.
+pub const LOG: [&str; 6] = ["dvl", "bt", "bottom", "track", "log", "doppler"];
+
 /// Words before a quantity that make it another one.
-pub const OTHERS: [&str; 30] = [
+pub const OTHERS: [&str; 42] = [
     "cmd",
     "command",
     "commanded",
@@ -79,11 +83,24 @@ pub const OTHERS: [&str; 30] = [
     "previous",
     "temp",
     "temperature",
+    // a depth of the sea, and pressures of air and oil
+    "water",
+    "bottom",
+    "seabed",
+    "seafloor",
+    "bin",
+    "cell",
+    "air",
+    "baro",
+    "cabin",
+    "hull",
+    "housing",
+    "oil",
 ];
 /// Channels whose words may follow words that say nothing.
-pub const FOLLOWING: [&str; 18] = [
+pub const FOLLOWING: [&str; 20] = [
     "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "time", "lat", "lon", "height",
-    "vel_n", "vel_e", "vel_d", "course", "x_ecef", "y_ecef", "z_ecef", "week",
+    "vel_n", "vel_e", "vel_d", "course", "x_ecef", "y_ecef", "z_ecef", "week", "depth", "pressure",
 ];
 /// Rank of a quantity that follows one other word.
 pub const BEHIND: usize = 100;
@@ -128,6 +145,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "acce",
             "accelerometer",
             "acceleration",
+            "totalacceleration",
             "linearacceleration",
             "linearaccel",
             "linacc",
@@ -202,8 +220,29 @@ pub const AXES: [(&str, usize, f64); 18] = [
     ("up", 2, -1.0),
 ];
 
+/// Words for the axes of one vector alone, by its first channel; after a word of more than two letters.
+pub const OWN_AXES: [(&str, [&[&str]; 3]); 3] = [
+    ("gyro_x", [&["p", "roll"], &["q", "pitch"], &["r", "yaw"]]),
+    (
+        "accel_x",
+        [
+            &["long", "longitudinal", "surge"],
+            &["lat", "lateral", "transverse", "sway"],
+            &["vert", "vertical", "normal", "heave"],
+        ],
+    ),
+    (
+        "vel_x",
+        [
+            &["u", "ahead", "longitudinal", "surge"],
+            &["v", "lateral", "transverse", "athwart", "sway"],
+            &["w", "vertical", "heave"],
+        ],
+    ),
+];
+
 /// Words for a number: its channel, its SI unit, and the sign.
-pub const SCALARS: [(&str, &str, f64, &[&str]); 31] = [
+pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
     ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
     ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
     ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
@@ -275,6 +314,8 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 31] = [
         -1.0,
         &["velu", "vu", "velup", "vup", "velocityup", "upvelocity", "velocityu"],
     ),
+    ("vel_n", "m/s", -1.0, &["velsouth", "vsouth", "velocitysouth", "southvelocity"]),
+    ("vel_e", "m/s", -1.0, &["velwest", "vwest", "velocitywest", "westvelocity"]),
     // what a height above the ellipsoid has more than one above the sea
     (
         "geoid",
@@ -379,6 +420,10 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 31] = [
             "courseoverground",
             "groundcourse",
             "gcrs",
+            "track",
+            "tracktrue",
+            "truetrack",
+            "trackangle",
             "bearing",
             "direction",
             "kurs",
@@ -393,8 +438,14 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 31] = [
             "fluidpressure",
             "waterpressure",
             "press",
+            "pres",
+            "prs",
             "pressureabs",
             "pressabs",
+            "pabs",
+            "abspressure",
+            "absolutepressure",
+            "seapressure",
             "druck",
             "p",
         ],
