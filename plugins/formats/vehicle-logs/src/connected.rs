@@ -3,6 +3,7 @@
 use crate::config::{SensorConfig, StampUse, VehicleLog};
 use crate::format::Format;
 use crate::mavlink::Tlog;
+use crate::mip::Mip;
 use crate::record::Decoder;
 use crate::source::Stream;
 use crate::target::targets;
@@ -40,11 +41,13 @@ pub enum LiveFormat {
     SbgEcom,
     /// Binary messages of VectorNav units.
     VectornavBinary,
+    /// MIP of MicroStrain, by GPS time.
+    Mip,
 }
 
 impl LiveFormat {
     /// All formats.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Mavlink,
         Self::Nucleus,
         Self::Ubx,
@@ -52,6 +55,7 @@ impl LiveFormat {
         Self::Novatel,
         Self::SbgEcom,
         Self::VectornavBinary,
+        Self::Mip,
     ];
 
     /// The format of a log of the same messages.
@@ -64,6 +68,7 @@ impl LiveFormat {
             Self::Novatel => Format::Novatel,
             Self::SbgEcom => Format::SbgEcom,
             Self::VectornavBinary => Format::VectornavBinary,
+            Self::Mip => Format::Mip,
         }
     }
 }
@@ -119,6 +124,7 @@ impl ConnectedUnit {
             let own = branch.clone();
             let decoder: Box<dyn Decoder> = match live {
                 LiveFormat::Mavlink => Box::new(Tlog::connected(own, options, now)),
+                LiveFormat::Mip => Box::new(Mip::connected(own, options)),
                 _ => format.decoder(own, &options),
             };
             let first = streams.is_empty();

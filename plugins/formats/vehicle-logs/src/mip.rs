@@ -2,7 +2,7 @@
 //! of the inertial unit, of receivers and of the unit's own filter are read.
 //!
 //! Times are GPS time where the begin of the log has a valid one, else they count since the unit was
-//! switched on.
+//! switched on. Those of a unit that is connected are GPS time.
 
 use crate::checksum::fletcher;
 use crate::record::{Decoder, Options, Record, Topic};
@@ -208,8 +208,17 @@ impl<R: Read> Mip<R> {
         let mut beginning = Vec::new();
         let failed = reader.by_ref().take(BEGINNING).read_to_end(&mut beginning).err();
         let dated = is_dated(&beginning);
+        Self { failed, ..Self::with(beginning, reader, options, dated) }
+    }
+
+    /// The packets of a unit that is connected, by GPS time: none has a time before this is valid.
+    pub fn connected(reader: R, options: Options) -> Self {
+        Self::with(Vec::new(), reader, options, true)
+    }
+
+    fn with(beginning: Vec<u8>, reader: R, options: Options, dated: bool) -> Self {
         let frames = Frames::new(Cursor::new(beginning).chain(reader), Packets);
-        Self { frames, options, topics: Vec::new(), dated, failed }
+        Self { frames, options, topics: Vec::new(), dated, failed: None }
     }
 
     fn topic(&mut self, kind: &Kind, instance: u32) -> usize {

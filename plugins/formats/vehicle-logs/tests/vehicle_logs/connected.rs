@@ -121,6 +121,7 @@ fn an_instrument_that_is_connected_gives_the_samples_of_its_log() {
         (LiveFormat::Novatel, binary_span(4), novatel),
         (LiveFormat::SbgEcom, units::sbg(4), gnss_and_imu("IMU_SHORT", "GPS1_POS")),
         (LiveFormat::VectornavBinary, units::vectornav_binary(4), gnss_and_imu("VN-IMU", "VN-GPS")),
+        (LiveFormat::Mip, units::mip(4, false), gnss_and_imu("MIP-IMU", "MIP-GNSS")),
     ] {
         let offline = read(&log, &keys).unwrap_or_else(|e| panic!("{format:?}: {e}"));
         let sent = if format == LiveFormat::Mavlink { unstamped(&log) } else { log };
