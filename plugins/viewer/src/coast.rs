@@ -1,7 +1,7 @@
 //! The coastlines of the Earth, for a map without a network: Natural Earth 1:10 million, which is in the
 //! public domain, thinned by `docs/coast`.
 
-/// Lines of steps of longitude and latitude, as `docs/coast` writes them.
+/// Pieces of lines, as `docs/coast` writes them.
 const BYTES: &[u8] = include_bytes!("coast.bin");
 /// Unit of the steps, deg.
 const UNIT: f64 = 0.004;
@@ -16,21 +16,27 @@ type Place = [f64; 2];
 /// deg.
 pub fn within([low, high]: [Place; 2]) -> Vec<Vec<Place>> {
     let mut pieces = Vec::new();
-    let mut numbers = Numbers(BYTES.iter());
-    let mut at = [0_i64; 2];
-    while let Some(count) = numbers.next() {
+    let mut rest = BYTES;
+    while let Some(Head { count, length, corner, size }) = Head::read(&mut rest) {
+        let Some((mut steps, others)) = rest.split_at_checked(length) else { break };
+        rest = others;
+        let degrees = |at: [i64; 2]| [at[1], at[0]].map(|x| UNIT * x as f64);
+        // a box that is apart from the other one has no part in it
+        let meets = |a: Place, b: Place| {
+            (0..2).all(|k| a[k].min(b[k]) <= high[k] && a[k].max(b[k]) >= low[k])
+        };
+        if !meets(degrees(corner), degrees([0, 1].map(|k| corner[k] + size[k]))) {
+            continue;
+        }
+        let mut at = corner;
         let mut piece: Vec<Place> = Vec::new();
         let mut before: Option<Place> = None;
         for _ in 0..count {
-            let (Some(east), Some(north)) = (numbers.step(), numbers.step()) else { break };
+            let (Some(east), Some(north)) = (signed(&mut steps), signed(&mut steps)) else { break };
             at = [at[0] + east, at[1] + north];
-            let place = [at[1], at[0]].map(|x| UNIT * x as f64);
-            // a segment whose box is apart from the other one has no part in it
-            let meets = |a: Place| {
-                (0..2).all(|k| a[k].min(place[k]) <= high[k] && a[k].max(place[k]) >= low[k])
-            };
+            let place = degrees(at);
             match before.replace(place) {
-                Some(from) if meets(from) => {
+                Some(from) if meets(from, place) => {
                     if piece.is_empty() {
                         piece.push(from);
                     }
@@ -44,28 +50,44 @@ pub fn within([low, high]: [Place; 2]) -> Vec<Vec<Place>> {
     pieces
 }
 
-/// Numbers of variable length: 7 bits in a byte, least first.
-struct Numbers<'a>(std::slice::Iter<'a, u8>);
+/// What stands before the points of a piece: their number, their length in bytes, and their box by its
+/// south-western corner and its size, east and north.
+struct Head {
+    count: u64,
+    length: usize,
+    corner: [i64; 2],
+    size: [i64; 2],
+}
 
-impl Numbers<'_> {
-    fn next(&mut self) -> Option<u64> {
-        let (mut number, mut shift) = (0_u64, 0);
-        loop {
-            let byte = self.0.next()?;
-            number |= u64::from(byte & 127).checked_shl(shift)?;
-            if byte & 128 == 0 {
-                return Some(number);
-            }
-            shift += 7;
+impl Head {
+    fn read(bytes: &mut &[u8]) -> Option<Self> {
+        Some(Self {
+            count: number(bytes)?,
+            length: usize::try_from(number(bytes)?).ok()?,
+            corner: [signed(bytes)?, signed(bytes)?],
+            size: [number(bytes)? as i64, number(bytes)? as i64],
+        })
+    }
+}
+
+/// Takes a number of variable length: 7 bits in a byte, least first.
+fn number(bytes: &mut &[u8]) -> Option<u64> {
+    let (mut number, mut shift) = (0_u64, 0);
+    loop {
+        let byte = *bytes.split_off_first()?;
+        number |= u64::from(byte & 127).checked_shl(shift)?;
+        if byte & 128 == 0 {
+            return Some(number);
         }
+        shift += 7;
     }
+}
 
-    /// A number with its sign in the lowest bit.
-    fn step(&mut self) -> Option<i64> {
-        let number = self.next()?;
-        let half = (number >> 1) as i64;
-        Some(if number & 1 == 0 { half } else { -half - 1 })
-    }
+/// Takes a number with its sign in the lowest bit.
+fn signed(bytes: &mut &[u8]) -> Option<i64> {
+    let number = number(bytes)?;
+    let half = (number >> 1) as i64;
+    Some(if number & 1 == 0 { half } else { -half - 1 })
 }
 
 #[cfg(test)]
@@ -105,7 +127,8 @@ mod tests {
     #[test]
     fn all_lines_are_on_the_earth_and_the_open_sea_has_none() {
         let all = within([[-90.0, -180.0], [90.0, 180.0]]);
-        assert_eq!(all.iter().map(Vec::len).sum::<usize>(), 128_885);
+        // 128885 points, and the first one of a piece that continues another
+        assert_eq!(all.iter().map(Vec::len).sum::<usize>(), 130_239);
         let inside = |p: &Place| p[0].abs() <= 90.0 && p[1].abs() <= 180.0;
         assert!(all.iter().flatten().all(inside));
         assert_eq!(within([[40.0, -35.0], [45.0, -30.0]]), Vec::<Vec<Place>>::new());

@@ -23,12 +23,12 @@ impl Gaps {
 }
 
 /// Rows of `N` values over time. A full history keeps every row. A thinned one keeps, of every
-/// stretch of equal length, the rows with the smallest and the largest value of each key column;
-/// so it keeps the extremes of the run.
+/// stretch of equal length, the rows with the smallest and the largest value of each of `K` key
+/// columns; so it keeps the extremes of the run.
 #[derive(Debug)]
-pub struct History<const N: usize> {
-    stretches: Thin<Stretch<N>>,
-    keys: &'static [usize],
+pub struct History<const N: usize, const K: usize = 1> {
+    stretches: Thin<Stretch<N, K>>,
+    keys: [usize; K],
     first: Option<Row<N>>,
     last: Option<Row<N>>,
     breaks: Vec<i64>,
@@ -37,26 +37,42 @@ pub struct History<const N: usize> {
 /// Time, ns, and values.
 pub type Row<const N: usize> = (i64, [f64; N]);
 
-/// The rows that are kept of a stretch.
+/// The rows that are kept of a stretch: those with the smallest and the largest value of each key.
 #[derive(Debug)]
-struct Stretch<const N: usize> {
-    rows: Vec<Row<N>>,
-    keys: &'static [usize],
+struct Stretch<const N: usize, const K: usize> {
+    extremes: [[Row<N>; 2]; K],
+    keys: [usize; K],
 }
 
-impl<const N: usize> Merge for Stretch<N> {
-    fn merge(&mut self, next: Self) {
-        self.rows.extend(next.rows);
-        let rows = std::mem::take(&mut self.rows);
-        extremes(&rows, self.keys, &mut self.rows);
+impl<const N: usize, const K: usize> Stretch<N, K> {
+    /// The rows, some more than once. A row with an unknown key is no extreme.
+    fn rows(&self) -> impl Iterator<Item = &Row<N>> {
+        let extremes = self.extremes.iter().zip(self.keys);
+        let known = extremes.filter(|(rows, key)| rows[0].1[*key].is_finite());
+        known.flat_map(|(rows, _)| rows)
     }
 }
 
-impl<const N: usize> History<N> {
+impl<const N: usize, const K: usize> Merge for Stretch<N, K> {
+    fn merge(&mut self, next: Self) {
+        for ((rows, next), key) in self.extremes.iter_mut().zip(next.extremes).zip(self.keys) {
+            let [least, greatest] = [rows[0].1[key], rows[1].1[key]];
+            let [lower, higher] = [next[0].1[key], next[1].1[key]];
+            if lower.is_finite() && !(least.is_finite() && least <= lower) {
+                rows[0] = next[0];
+            }
+            if higher.is_finite() && !(greatest.is_finite() && greatest > higher) {
+                rows[1] = next[1];
+            }
+        }
+    }
+}
+
+impl<const N: usize, const K: usize> History<N, K> {
     /// An empty history; `keys` are the columns whose extremes stay.
-    pub fn new(keys: &'static [usize], full: bool) -> Self {
+    pub fn new(keys: [usize; K], full: bool) -> Self {
         // a stretch keeps two rows for each key
-        let stretches = if full { usize::MAX } else { ROWS / (2 * keys.len()) };
+        let stretches = if full { usize::MAX } else { ROWS / (2 * K) };
         Self {
             stretches: Thin::with_rows(stretches),
             keys,
@@ -71,7 +87,7 @@ impl<const N: usize> History<N> {
         let row = (time, values);
         self.first.get_or_insert(row);
         self.last = Some(row);
-        self.stretches.push(Stretch { rows: vec![row], keys: self.keys });
+        self.stretches.push(Stretch { extremes: [[row; 2]; K], keys: self.keys });
     }
 
     /// Breaks the line before a time.
@@ -89,7 +105,7 @@ impl<const N: usize> History<N> {
         if self.is_empty() {
             return Vec::new();
         }
-        let stretches = self.stretches.rows().iter().flat_map(|stretch| &stretch.rows);
+        let stretches = self.stretches.rows().iter().flat_map(Stretch::rows);
         let mut rows: Vec<Row<N>> = self.first.iter().chain(stretches).copied().collect();
         rows.extend(self.last);
         rows.extend(self.breaks.iter().map(|time| (time - 1, [f64::NAN; N])));
@@ -99,44 +115,13 @@ impl<const N: usize> History<N> {
     }
 }
 
-/// Adds the rows with the extremes of each key column, in order of time and each once.
-fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N>>) {
-    let start = out.len();
-    for &key in keys {
-        let mut found: Option<[usize; 2]> = None;
-        for (k, row) in rows.iter().enumerate() {
-            let value = row.1[key];
-            // a row with an unknown key is no extreme
-            if !value.is_finite() {
-                continue;
-            }
-            let [least, greatest] = found.get_or_insert([k; 2]);
-            if value < rows[*least].1[key] {
-                *least = k;
-            }
-            if value >= rows[*greatest].1[key] {
-                *greatest = k;
-            }
-        }
-        for k in found.into_iter().flatten() {
-            let row = rows[k];
-            // few rows are kept: the right place is near the end
-            let after = out[start..].iter().rposition(|kept| kept.0 <= row.0);
-            let place = start + after.map_or(0, |at| at + 1);
-            if place == start || out[place - 1].0 != row.0 {
-                out.insert(place, row);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// A wave with one spike up and one down.
     fn wave(count: i64) -> History<2> {
-        let mut history = History::new(&[0], false);
+        let mut history = History::new([0], false);
         for t in 0..count {
             let spike = if t == 12_345 {
                 50.0
@@ -164,7 +149,7 @@ mod tests {
     #[test]
     fn a_short_history_and_a_full_one_keep_every_row() {
         assert_eq!(wave(500).rows().len(), 500);
-        let mut full = History::new(&[0], true);
+        let mut full = History::new([0], true);
         (0..10_000).for_each(|t| full.push(t, [t as f64]));
         assert_eq!(full.rows().len(), 10_000);
     }
@@ -180,14 +165,14 @@ mod tests {
 
     #[test]
     fn a_break_is_a_row_without_values_before_its_time() {
-        let mut history = History::new(&[0], false);
+        let mut history = History::new([0], false);
         history.push(10, [1.0]);
         history.break_at(50);
         history.push(50, [2.0]);
         let rows = history.rows();
         assert_eq!(rows.iter().map(|r| r.0).collect::<Vec<_>>(), [10, 49, 50]);
         assert!(rows[1].1[0].is_nan());
-        let mut empty = History::<1>::new(&[0], false);
+        let mut empty = History::<1>::new([0], false);
         empty.break_at(50);
         assert_eq!(empty.rows().len(), 0, "a break is no value");
     }

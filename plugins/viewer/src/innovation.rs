@@ -92,8 +92,8 @@ impl SensorSeries {
             path: path(&["innovation", &info.name, &channel.name]),
             plot: None,
             quantity: quantity(channel),
-            accepted: History::new(&[0], full),
-            gated: History::new(&[0], full),
+            accepted: History::new([0], full),
+            gated: History::new([0], full),
             gaps: Gaps::default(),
             live: None,
         });
@@ -103,8 +103,8 @@ impl SensorSeries {
             nis_path: path(&["innovation", &info.name, "nis"]),
             nis: None,
             names: info.channels.iter().map(|c: &Channel| Arc::clone(&c.name)).collect(),
-            accepted: History::new(&[0], full),
-            gated: History::new(&[0], full),
+            accepted: History::new([0], full),
+            gated: History::new([0], full),
             rejected: Vec::new(),
             level: REJECTED_LEVEL,
             latest: Latest::default(),
@@ -144,7 +144,7 @@ impl SensorSeries {
             Outcome::Rejected(reason) => {
                 let known = self.rejected.iter().position(|r| r.0 == reason);
                 let at = known.unwrap_or_else(|| {
-                    self.rejected.push((reason, History::new(&[0], false)));
+                    self.rejected.push((reason, History::new([0], false)));
                     self.rejected.len() - 1
                 });
                 self.rejected[at].1.push(time, [0.0]);

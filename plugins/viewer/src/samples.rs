@@ -29,7 +29,7 @@ impl SampleSeries {
     /// The samples of a sensor.
     pub fn new(info: &SensorInfo, full: bool) -> Self {
         let channel = |c: &navfuse_core::units::sample::Channel| {
-            (quantity(c), path(&["samples", &info.name, &c.name]), History::new(&[0], full))
+            (quantity(c), path(&["samples", &info.name, &c.name]), History::new([0], full))
         };
         Self {
             name: info.name.clone(),

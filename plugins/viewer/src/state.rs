@@ -35,7 +35,7 @@ pub struct Component {
     /// The plots; `None` until the series are written.
     pub plots: Option<Plots>,
     /// Estimate, sigma, truth and error; the latter two are NaN where no truth is known.
-    history: History<4>,
+    history: History<4, 2>,
     /// Estimate and sigma of the filter itself, in a run that is smoothed.
     filtered: History<2>,
     /// What a viewer sees during the run: error or estimate, and bounds.
@@ -133,8 +133,8 @@ impl BlockSeries {
             unit,
             tally: Tally::default(),
             plots: None,
-            history: History::new(&[0, 3], full),
-            filtered: History::new(&[0], full),
+            history: History::new([0, 3], full),
+            filtered: History::new([0], full),
             live: None,
         };
         Self {

@@ -20,6 +20,8 @@ pub struct Reference {
     owner: Vec<usize>,
     /// The last transition of a new pattern: states that come and go have patterns of their own.
     learnt: Option<Transition>,
+    /// Set for each row with declared elements: it has no implicit one on the diagonal.
+    declared: Vec<bool>,
     phi: Vec<f64>,
     work: Vec<f64>,
 }
@@ -57,6 +59,7 @@ impl Reference {
             blocks,
             owner,
             learnt: None,
+            declared: vec![false; n],
             phi: vec![0.0; n * n],
             work: vec![0.0; n * n],
         }
@@ -82,20 +85,19 @@ impl Reference {
         if self.learnt.as_ref().is_none_or(|known| !known.has_places_of(transition)) {
             self.learn(transition);
         }
-        let Self { covariance, blocks, owner, phi, work, .. } = self;
+        let Self { covariance, blocks, owner, declared, phi, work, .. } = self;
         let n = owner.len();
         let moving = || blocks.iter().filter(|block| block.moves).map(|block| &block.range);
         if moving().next().is_none() {
             return;
         }
         for (i, j) in moving().flat_map(pairs) {
-            phi[i * n + j] = if i == j { 1.0 } else { 0.0 };
+            phi[i * n + j] = if i == j && !declared[i] { 1.0 } else { 0.0 };
         }
         let own = |i: usize| blocks[owner[i]].moves;
-        // a row with declared elements has no implicit one on the diagonal
-        let elements = || transition.elements().filter(|(i, ..)| own(*i));
-        elements().for_each(|(i, ..)| phi[i * n + i] = 0.0);
-        elements().for_each(|(i, j, value)| phi[i * n + j] += value);
+        for (i, j, value) in transition.elements().filter(|(i, ..)| own(*i)) {
+            phi[i * n + j] += value;
+        }
         type Elements<'a> = &'a mut dyn Iterator<Item = (usize, usize, f64)>;
         let add = |covariance: &mut Covariance, noise: Elements<'_>| {
             for (i, j, q) in noise.filter(|&(i, j, _)| j <= i && own(i)) {
@@ -123,6 +125,8 @@ impl Reference {
             let others = transition.elements().filter(|&(i, j, _)| self.owner[i] != self.owner[j]);
             others.for_each(|(i, ..)| self.blocks[self.owner[i]].driven = true);
         }
+        self.declared.fill(false);
+        transition.elements().for_each(|(i, ..)| self.declared[i] = true);
         let elements = transition.elements().map(|(i, ..)| i);
         for i in elements.chain(transition.noise_after().map(|(i, ..)| i)) {
             let block = &mut self.blocks[self.owner[i]];

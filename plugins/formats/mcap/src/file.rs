@@ -18,7 +18,7 @@ use zstd::bulk::Compressor;
 use zstd::zstd_safe::compress_bound;
 
 /// Level of Zstandard: see `docs/src/explanation/performance.md`.
-const LEVEL: i32 = -1;
+const LEVEL: i32 = -3;
 
 /// Compression of the chunks of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]

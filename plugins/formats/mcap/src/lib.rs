@@ -77,6 +77,7 @@ mod schema;
 mod shown;
 mod sink;
 mod source;
+mod template;
 mod topics;
 mod writer;
 

@@ -1,11 +1,11 @@
 //! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
 
 use crate::pose::{ENU_NED, Link, Pose, Velocity};
+use crate::template::ImuMessage;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Derived, Event, Level, Outcome, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -33,6 +33,8 @@ pub struct Stamp {
 }
 
 impl Stamp {
+    /// The time zero.
+    pub(crate) const ZERO: Self = Self { sec: 0, nanosec: 0 };
     const NANOS: i64 = 1_000_000_000;
 
     /// The stamp of a time.
@@ -99,6 +101,12 @@ impl<'a> Encoder<'a> {
         Self(CdrWriter::new(buffer))
     }
 
+    /// A message that is complete.
+    pub(crate) fn whole(mut self, message: &[u8]) {
+        // the four bytes of the format are there already
+        self.0.buffer_mut().extend_from_slice(&message[4..]);
+    }
+
     fn stamp(&mut self, stamp: Stamp) {
         self.0.write_i32(stamp.sec);
         self.0.write_u32(stamp.nanosec);
@@ -125,12 +133,14 @@ impl<'a> Encoder<'a> {
         }
     }
 
-    fn sequence(&mut self, values: &[f64]) {
+    /// A sequence of numbers; returns the place of the first.
+    pub(crate) fn sequence(&mut self, values: &[f64]) -> usize {
         self.0.write_sequence_length(values.len());
         self.numbers(values);
+        self.0.buffer_mut().len() - size_of_val(values)
     }
 
-    fn texts<'t>(&mut self, texts: impl ExactSizeIterator<Item = &'t str>) {
+    pub(crate) fn texts<'t>(&mut self, texts: impl ExactSizeIterator<Item = &'t str>) {
         self.0.write_sequence_length(texts.len());
         texts.for_each(|t| self.0.write_string(t));
     }
@@ -160,26 +170,8 @@ impl<'a> Encoder<'a> {
     }
 
     /// `sensor_msgs/Imu`: three rates (rad/s) and three specific forces (m/s^2); no orientation.
-    pub fn imu(mut self, stamp: Stamp, sample: &Sample) {
-        let channel = |i| sample.get(i).unwrap_or(f64::from_bits(MISSING));
-        let unknown = [0.0; 9];
-        self.header(stamp, BODY_FRAME);
-        self.quaternion(&UnitQuaternion::identity());
-        self.numbers(&[-1.0]); // no orientation
-        self.numbers(&[0.0; 8]);
-        self.numbers(&[channel(0), channel(1), channel(2)]);
-        self.numbers(&unknown);
-        self.numbers(&[channel(3), channel(4), channel(5)]);
-        self.numbers(&unknown);
-    }
-
-    /// `navfuse_msgs/Sample`.
-    pub fn sample(mut self, stamp: Stamp, sensor: &str, columns: &[String], sample: &Sample) {
-        self.header(stamp, sensor);
-        self.texts(columns.iter().map(String::as_str));
-        self.0.write_sequence_length(columns.len());
-        (0..columns.len()).for_each(|i| self.0.write_f64(sample.get(i).unwrap_or(0.0)));
-        self.0.write_u16(sample.present());
+    pub fn imu(self, stamp: Stamp, sample: &Sample) {
+        self.whole(ImuMessage::default().of(stamp, sample));
     }
 
     /// `sensor_msgs/FluidPressure` at a depth (m).
@@ -281,26 +273,6 @@ impl<'a> Encoder<'a> {
         }
     }
 
-    /// `navfuse_msgs/BlockState`.
-    pub fn block(mut self, stamp: Stamp, block: &BlockValues<'_>) {
-        let n = block.estimate.len();
-        self.header(stamp, "");
-        self.0.write_string(block.name);
-        self.0.write_string(match block.mode {
-            Mode::Estimate => "estimate",
-            Mode::Fixed => "fixed",
-            Mode::Consider => "consider",
-        });
-        self.texts((0..n).map(|i| block.components.get(i).copied().unwrap_or("")));
-        self.texts(
-            (0..n).map(|i| if block.geodetic { ["deg", "deg", "m"][i] } else { block.unit }),
-        );
-        self.sequence(block.estimate);
-        self.0.write_string(block.unit);
-        self.sequence(block.sigma);
-        self.sequence(block.error);
-    }
-
     /// `navfuse_msgs/Innovation`.
     pub fn innovation(
         mut self,
@@ -360,18 +332,4 @@ impl<'a> Encoder<'a> {
         self.0.write_string("");
         self.0.write_u32(0);
     }
-}
-
-/// The values of a block in its display unit.
-#[derive(Clone, Copy, Debug)]
-pub struct BlockValues<'a> {
-    pub name: &'a str,
-    pub mode: Mode,
-    pub components: &'a [&'a str],
-    pub unit: &'a str,
-    /// Set if the estimate is latitude, longitude (deg) and height (m).
-    pub geodetic: bool,
-    pub estimate: &'a [f64],
-    pub sigma: &'a [f64],
-    pub error: &'a [f64],
 }

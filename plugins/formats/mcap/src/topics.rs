@@ -4,10 +4,11 @@ use crate::chunk::{Definitions, Topic};
 use crate::frames::Frames;
 use crate::lanes::Lanes;
 use crate::log::StreamFailure;
-use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
+use crate::message::{BODY_FRAME, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
 use crate::schema;
 use crate::shown::Shown;
+use crate::template::{BlockMessage, ImuMessage, SampleMessage};
 use crate::writer::LogWriter;
 use navfuse_core::model::record::{Epoch, InputRejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -97,12 +98,18 @@ pub const RATES: [(&str, &str); 6] = [
 pub struct SensorTopics {
     name: String,
     columns: Vec<String>,
-    /// Set if the samples are written as `sensor_msgs/Imu`.
-    imu: bool,
+    message: SensorMessage,
     samples: Topic,
     also: Also,
     /// `/innovation/NAME` of a measuring sensor.
     innovation: Option<Topic>,
+}
+
+/// The message of a sample.
+#[derive(Debug)]
+enum SensorMessage {
+    Imu(ImuMessage),
+    Sample(SampleMessage),
 }
 
 /// An additional message for each sample, for other tools.
@@ -146,19 +153,21 @@ impl SensorTopics {
             }
             Purpose::Input | Purpose::Reference => None,
         };
-        let columns = info.channels.iter().map(Channel::column).collect();
-        Self { name: name.clone(), columns, imu, samples, also, innovation }
+        let columns: Vec<String> = info.channels.iter().map(Channel::column).collect();
+        let message = match imu {
+            true => SensorMessage::Imu(ImuMessage::default()),
+            false => SensorMessage::Sample(SampleMessage::new(name, &columns)),
+        };
+        Self { name: name.clone(), columns, message, samples, also, innovation }
     }
 
     pub fn sample(&mut self, log: &mut LogWriter, sample: &Sample) -> Result<(), StreamFailure> {
         let stamp = Stamp::new(sample.time)?;
-        log.send(&mut self.samples, sample.time, |m| {
-            if self.imu {
-                m.imu(stamp, sample)
-            } else {
-                m.sample(stamp, &self.name, &self.columns, sample)
-            }
-        })?;
+        let message = match &mut self.message {
+            SensorMessage::Imu(imu) => imu.of(stamp, sample),
+            SensorMessage::Sample(other) => other.of(stamp, sample),
+        };
+        log.send(&mut self.samples, sample.time, |m| m.whole(message))?;
         match &mut self.also {
             Also::Nothing => Ok(()),
             Also::Pressure(topic) => match sample.get(0) {
@@ -236,42 +245,37 @@ impl Estimate {
     }
 }
 
-/// The topics of all blocks, by slot.
+/// The topics of all blocks, by slot, and their messages.
 #[derive(Debug)]
-pub struct Blocks(Vec<Topic>);
+pub struct Blocks(Vec<(Topic, BlockMessage)>);
 
 impl Blocks {
     /// Opens `ROOT/OWNER/NAME` for each block.
     fn open(log: &mut Definitions, layout: &Layout, root: &str) -> Self {
-        let topic = |block: &Block| format!("{root}/{}", block.name.replace('.', "/"));
-        Self(layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect())
+        let topic = |block: &Block| {
+            let name = format!("{root}/{}", block.name.replace('.', "/"));
+            let geodetic = block.operations.kind == TypeId::of::<Position>();
+            (log.topic(&name, &schema::BLOCK), BlockMessage::new(block, geodetic))
+        };
+        Self(layout.blocks.iter().map(topic).collect())
     }
 
     /// Writes the estimate of each block.
     pub fn epoch(&mut self, log: &mut LogWriter, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
         let stamp = Stamp::new(epoch.state.time)?;
         let values = &epoch.state.values;
-        for (slot, (topic, block)) in self.0.iter_mut().zip(&epoch.layout.blocks).enumerate() {
-            let n = block.operations.tangent;
-            let (mut estimate, mut sigma, mut error) =
-                ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+        for (slot, block) in epoch.layout.blocks.iter().enumerate() {
+            let Some((topic, message)) = self.0.get_mut(slot) else { continue };
+            let [mut estimate, mut sigma, mut error] = [[0.0; MAX_TANGENT]; 3];
             block.show(values, &mut estimate);
             block.show_sigma(values, epoch.covariance, &mut sigma);
             let truth = epoch.truth.filter(|t| t.known[slot]);
             if let Some(truth) = truth {
                 truth.show_error(epoch.layout, slot, epoch.state, &mut error);
             }
-            let shown = BlockValues {
-                name: &block.name,
-                mode: block.spec.mode,
-                components: block.spec.display.components,
-                unit: block.spec.display.unit,
-                geodetic: block.operations.kind == TypeId::of::<Position>(),
-                estimate: &estimate[..n],
-                sigma: &sigma[..n],
-                error: if truth.is_some() { &error[..n] } else { &[] },
-            };
-            log.send(topic, epoch.state.time, |m| m.block(stamp, &shown))?;
+            let error = truth.map(|_| &error[..]);
+            let message = message.of(stamp, &estimate, &sigma, error);
+            log.send(topic, epoch.state.time, |m| m.whole(message))?;
         }
         Ok(())
     }
