@@ -10,8 +10,8 @@ pub const WEEK: i64 = 7 * DAY;
 /// Zero of GPS time, 1980-01-06, in nanoseconds since 1970.
 pub const GPS_ZERO: i64 = 315_964_800 * SECOND;
 
-/// First months, as year and month, of each count of leap seconds since the zero of GPS time.
-const LEAP_SECONDS: [(i32, u8); 18] = [
+/// First months, as year and month (January or July), of each count of leap seconds since the zero of GPS time.
+const LEAP_SECONDS: [(i64, u8); 18] = [
     (1981, 7),
     (1982, 7),
     (1983, 7),
@@ -32,13 +32,35 @@ const LEAP_SECONDS: [(i32, u8); 18] = [
     (2017, 1),
 ];
 
+/// The times of UTC, in nanoseconds since 1970, from which each count of leap seconds holds.
+const STEPS: [i64; 18] = {
+    let (mut steps, mut k) = ([0; 18], 0);
+    while k < 18 {
+        let (year, month) = LEAP_SECONDS[k];
+        // January to June have 181 days, and 182 in a leap year
+        let half = if month == 7 { 181 + is_leap(year) as i64 } else { 0 };
+        steps[k] = (days_before(year) + half) * DAY;
+        k += 1;
+    }
+    steps
+};
+
+/// Tests whether a year of the Gregorian calendar has 366 days.
+const fn is_leap(year: i64) -> bool {
+    (year % 4 == 0 && year % 100 != 0) || year % 400 == 0
+}
+
+/// Days from 1970 to the begin of a year after Christ.
+const fn days_before(year: i64) -> i64 {
+    let before = year - 1;
+    // 477 leap years lie before 1970
+    365 * (year - 1970) + before / 4 - before / 100 + before / 400 - 477
+}
+
 /// Nanoseconds by which GPS time is ahead of UTC at a time of UTC, in nanoseconds since 1970. The
 /// table ends with the leap second of 2016, the last until the end of 2026 at least.
 pub fn leap_seconds(utc: i64) -> i64 {
-    let passed = |(year, month): &&(i32, u8)| {
-        days(*year, *month, 1).is_some_and(|day| utc >= day.saturating_mul(DAY))
-    };
-    LEAP_SECONDS.iter().take_while(passed).count() as i64 * SECOND
+    STEPS.partition_point(|step| utc >= *step) as i64 * SECOND
 }
 
 /// UTC of a time on the scale of GPS, both in nanoseconds since 1970.
@@ -118,16 +140,14 @@ pub fn with_century(two_digits: u8) -> i32 {
 
 /// Days since 1970-01-01; `None` where no such day exists.
 fn days(year: i32, month: u8, day: u8) -> Option<i64> {
-    let leap = |y: i32| (y % 4 == 0 && y % 100 != 0) || y % 400 == 0;
-    let lengths = [31, 28 + u8::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let leap = is_leap(i64::from(year));
+    let lengths = [31, 28 + u8::from(leap), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
     let index = usize::from(month.checked_sub(1)?);
     if day == 0 || day > *lengths.get(index)? {
         return None;
     }
-    let years =
-        i64::from(year - 1970) * 365 + i64::from((1970..year).filter(|y| leap(*y)).count() as u32);
     let months: i64 = lengths[..index].iter().map(|n| i64::from(*n)).sum();
-    Some(years + months + i64::from(day) - 1)
+    Some(days_before(i64::from(year)) + months + i64::from(day) - 1)
 }
 
 /// Parses `2022-06-01` and, after it, `T08:30:00.25Z` or `T09:30:00.25+01:00`; returns nanoseconds

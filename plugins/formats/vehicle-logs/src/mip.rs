@@ -297,8 +297,13 @@ impl<R: Read + Send> Decoder for Mip<R> {
                 continue;
             }
             values.clear();
+            // the numbers of one field follow each other, and no field has the descriptor zero
+            let mut last: (u8, Option<&[u8]>) = (0, None);
             values.extend(kind.places.iter().map(|(_, descriptor, at, number_type)| {
-                field(packet, *descriptor).map_or(f64::NAN, |d| number(d, *at, *number_type))
+                if last.0 != *descriptor {
+                    last = (*descriptor, field(packet, *descriptor));
+                }
+                last.1.map_or(f64::NAN, |data| number(data, *at, *number_type))
             }));
             judge(packet, kind, values);
             let stamp = stamp(packet, kind, dated);

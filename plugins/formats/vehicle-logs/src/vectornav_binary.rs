@@ -200,7 +200,10 @@ fn layout(bytes: &[u8]) -> Result<Option<Plan>, Fault> {
         if field & MORE != 0 {
             return Err(Fault::Form);
         }
-        for output in (0..OUTPUTS).filter(|output| field >> output & 1 == 1) {
+        let mut rest = field;
+        while rest != 0 {
+            let output = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
             let size = usize::from(SIZES[group][output]);
             if size == 0 || at + size + CHECK > LARGEST {
                 return Err(Fault::Form);
@@ -250,8 +253,10 @@ pub struct VectornavBinary<R> {
     frames: Frames<R, Messages>,
     options: Options,
     topics: Vec<Topic>,
-    /// The newest message with its offset in the file, and the kinds that are still to be looked for.
+    /// The newest message with its offset in the file and its layout, and the kinds that are still to be
+    /// looked for.
     message: (u64, Vec<u8>),
+    offsets: Offsets,
     next: usize,
     /// The newest fix of each receiver, which a message may repeat.
     fixes: [Vec<u64>; 2],
@@ -262,7 +267,8 @@ impl<R: Read> VectornavBinary<R> {
     pub fn new(reader: R, options: Options) -> Self {
         let (topics, message) = (Vec::new(), (0, Vec::new()));
         let (frames, fixes) = (Frames::new(reader, Messages), Default::default());
-        Self { frames, options, topics, message, next: KINDS.len(), fixes }
+        let offsets = [[0; OUTPUTS]; GROUPS];
+        Self { frames, options, topics, message, offsets, next: KINDS.len(), fixes }
     }
 
     fn topic(&mut self, kind: &Kind) -> usize {
@@ -279,10 +285,11 @@ impl<R: Read> VectornavBinary<R> {
         if !RECEIVERS.contains(&kind) {
             return false;
         }
-        let fix: Vec<u64> = values.iter().map(|v| v.to_bits()).collect();
+        let fix = values.iter().map(|v| v.to_bits());
         let known = &mut self.fixes[kind - RECEIVERS.start()];
-        let same = *known == fix;
-        *known = fix;
+        let same = known.iter().copied().eq(fix.clone());
+        known.clear();
+        known.extend(fix);
         same
     }
 }
@@ -350,32 +357,28 @@ impl<R: Read + Send> Decoder for VectornavBinary<R> {
                 self.message.0 = frame.offset;
                 self.message.1.clear();
                 self.message.1.extend_from_slice(frame.bytes);
-                self.next = 0;
+                let Ok(Some(plan)) = layout(frame.bytes) else { continue };
+                (self.offsets, self.next) = (plan.offsets, 0);
             }
-            let bytes = std::mem::take(&mut self.message.1);
-            if let Ok(Some(plan)) = layout(&bytes) {
-                let message = Message { bytes: &bytes, offsets: &plan.offsets };
-                while self.next < KINDS.len() {
-                    let (index, kind) = (self.next, &KINDS[self.next]);
-                    self.next += 1;
-                    if !self.options.selects(kind.name) || !message.read(kind, values) {
-                        continue;
-                    }
-                    if index == INS {
-                        // the lower two bits are the mode, which tracks from 2 on
-                        values[3] = f64::from(values[3] as u32 & 3);
-                    }
-                    let stamp = message.stamp(index);
-                    if self.repeats(index, values) {
-                        continue;
-                    }
-                    let (offset, topic) = (self.message.0, self.topic(kind));
-                    self.message.1 = bytes;
-                    return Ok(Some(Record { offset, topic, stamp }));
-                }
+            let (index, kind) = (self.next, &KINDS[self.next]);
+            self.next += 1;
+            if !self.options.selects(kind.name) {
+                continue;
             }
-            self.message.1 = bytes;
-            self.next = KINDS.len();
+            let message = Message { bytes: &self.message.1, offsets: &self.offsets };
+            if !message.read(kind, values) {
+                continue;
+            }
+            if index == INS {
+                // the lower two bits are the mode, which tracks from 2 on
+                values[3] = f64::from(values[3] as u32 & 3);
+            }
+            let stamp = message.stamp(index);
+            if self.repeats(index, values) {
+                continue;
+            }
+            let (offset, topic) = (self.message.0, self.topic(kind));
+            return Ok(Some(Record { offset, topic, stamp }));
         }
     }
 

@@ -96,8 +96,8 @@ pub struct Tlog<R> {
     frames: Frames<R, Packets>,
     options: Options,
     topics: Vec<Topic>,
-    /// Identifier and system of each topic.
-    keys: Vec<(u32, u8)>,
+    /// Identifier and system of each topic, and the places of its time in microseconds and in milliseconds.
+    keys: Vec<(u32, u8, [Option<usize>; 2])>,
     anchors: Vec<Anchor>,
     steps: Count,
     /// The clock by which messages without a time of their own are received, ns since 1970.
@@ -130,25 +130,26 @@ impl<R: Read> Tlog<R> {
 
     /// Index of the topic of a message; `None` if it is not selected.
     fn topic(&mut self, id: u32, system: u8) -> Option<usize> {
-        if let Some(known) = self.keys.iter().position(|key| *key == (id, system)) {
+        if let Some(known) = self.keys.iter().position(|(i, s, _)| (*i, *s) == (id, system)) {
             return Some(known);
         }
         let message = self.frames.framing().dialect.message(id)?;
         if self.topics.len() >= TOPICS || !self.options.selects(message.name) {
             return None;
         }
-        let fields = message.fields.iter().map(|(name, ..)| name.clone()).collect();
+        let fields: Vec<String> = message.fields.iter().map(|(name, ..)| name.clone()).collect();
+        let times = ["time_usec", "time_boot_ms"].map(|t| fields.iter().position(|f| f == t));
         self.topics.push(Topic { name: message.name.to_owned(), instance: system.into(), fields });
-        self.keys.push((id, system));
+        self.keys.push((id, system, times));
         Some(self.keys.len() - 1)
     }
 
     /// The time of a message on the clock of the log. The first message of a vehicle's clock fixes
     /// the offset between the two, so that intervals are those of the vehicle.
     fn time(&mut self, topic: usize, values: &[f64], received: i64, offset: u64) -> Stamp {
-        let fields = &self.topics[topic].fields;
-        let find = |name: &str| fields.iter().position(|f| f == name).and_then(|k| values.get(k));
-        let micros = match (find("time_usec"), find("time_boot_ms")) {
+        let (_, system, times) = self.keys[topic];
+        let [micros, millis] = times.map(|k| k.and_then(|k| values.get(k)));
+        let micros = match (micros, millis) {
             (Some(micros), _) => *micros as i64,
             (None, Some(millis)) => *millis as i64 * 1000,
             (None, None) => 0,
@@ -157,7 +158,7 @@ impl<R: Read> Tlog<R> {
         let Some(nanos) = nanos else {
             return if received > 0 { Stamp::Date(received) } else { Stamp::Missing };
         };
-        let (system, since_1970) = (self.keys[topic].1, micros > SINCE_1970);
+        let since_1970 = micros > SINCE_1970;
         let same = |a: &Anchor| a.system == system && a.since_1970 == since_1970;
         let anchor = self.anchors.iter().position(same);
         let fresh = received.saturating_sub(nanos);
