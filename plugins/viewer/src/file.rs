@@ -30,12 +30,7 @@ impl RecordingFile {
         let file = WholeFile::create(path)?;
         let options = EncodingOptions::PROTOBUF_COMPRESSED;
         let state = match Encoder::new_eager(re_sdk::build_info().version, options, file) {
-            Ok(mut encoder) => {
-                // the index of all blocks would stay in memory to the end, and grow for ever with a
-                // run that goes on; it would be a third of the cost of a recording
-                encoder.do_not_emit_footer();
-                State::Open(Box::new(encoder))
-            }
+            Ok(encoder) => State::Open(Box::new(encoder)),
             // the disk is full from the start: the run goes on, without its recording
             Err(error) => State::Failed(error.to_string()),
         };
