@@ -1,9 +1,11 @@
 //! One vocabulary of headings: the words of many programs for the channels of sensors.
 
 mod lists;
+mod vectors;
 
-use lists::{AXES, BEHIND, FOLLOWING, LOG, NOISE, OTHERS, OWN_AXES, SCALARS, VECTORS};
+use lists::{BEHIND, FOLLOWING, LOG, NOISE, OTHERS, SCALARS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
+use vectors::{AXES, OWN_AXES, VECTORS};
 
 /// The quantity of a column.
 #[derive(Clone, Debug, PartialEq)]
