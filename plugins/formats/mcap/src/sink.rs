@@ -168,12 +168,11 @@ impl McapSink {
 
     /// Creates the next file of a log that could not be written, once there is room.
     fn resume(&mut self, now: Time) {
-        let Some(mut pause) = self.pause.take() else { return };
-        let path = numbered(&self.path, self.number);
-        if !pause.is_over(&path) {
-            self.pause = Some(pause);
-            return;
+        if self.pause.is_none() {
+            return; // the path takes longer than the question
         }
+        let path = numbered(&self.path, self.number);
+        let Some(pause) = self.pause.take_if(|pause| pause.is_over(&path)) else { return };
         // the file of this run that got no byte
         let part = part_of(&path);
         if std::fs::metadata(&part).is_ok_and(|m| m.is_file() && m.len() == 0) {
