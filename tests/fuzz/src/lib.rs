@@ -42,7 +42,7 @@ impl Target {
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
-pub const TARGETS: [Target; 31] = [
+pub const TARGETS: [Target; 32] = [
     target("pd0", 100, memory::pd0),
     target("pd4", 100, memory::pd4),
     target("pd6", 100, memory::pd6),
@@ -64,6 +64,7 @@ pub const TARGETS: [Target; 31] = [
     target("sbg-ecom", 100, memory::sbg_ecom),
     target("vectornav-binary", 100, memory::vectornav_binary),
     target("mip", 100, memory::mip),
+    target("lcm", 100, memory::lcm),
     target("grid", 50, memory::grid),
     target("nmea-sentences", 100, memory::nmea_sentences),
     target("nmea", 4, files::nmea),

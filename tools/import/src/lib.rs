@@ -15,6 +15,7 @@ mod earth;
 mod folder;
 mod found;
 mod instrument;
+mod lcm;
 mod log_axes;
 mod marks;
 mod recording;

@@ -5,6 +5,7 @@ use crate::beams::Beams;
 use crate::folder;
 use crate::found::{Found, OdometryUse};
 use crate::instrument;
+use crate::lcm;
 use crate::marks;
 use crate::samples::Samples;
 use crate::table;
@@ -97,6 +98,8 @@ pub struct Recording {
     pub velocity: Option<(Found, PathBuf)>,
     /// Height at the start, m, as answered.
     pub height: Option<f64>,
+    /// Definitions of the messages of LCM.
+    definitions: Vec<lcm::Definitions>,
     /// Gyros and accelerometers in files of their own.
     pub halves: [Option<(Found, PathBuf)>; 2],
 }
@@ -112,8 +115,9 @@ impl Recording {
         odometry: Option<OdometryUse>,
         stop: &AtomicBool,
     ) -> Result<Option<Self>, StreamError> {
-        let mut recording = Self { odometry, ..Self::default() };
-        for given in files {
+        let definitions = files.iter().filter_map(|file| lcm::definitions(file)).collect();
+        let mut recording = Self { odometry, definitions, ..Self::default() };
+        for given in files.iter().filter(|file| lcm::definitions(file).is_none()) {
             let inside = folder::files(given);
             for file in inside.as_deref().unwrap_or(std::slice::from_ref(given)) {
                 match recording.add(file, stop) {
@@ -237,7 +241,10 @@ impl Recording {
         } else if let Some(format) = Format::recognise(&bytes) {
             let bytes =
                 navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
-            let found = vehicle::sensors(format, bytes, false, &mut self.notes);
+            let found = match format {
+                Format::Lcm => lcm::sensors(bytes, &self.definitions, &mut self.notes),
+                _ => vehicle::sensors(format, bytes, false, &mut self.notes),
+            };
             if found.is_empty() {
                 let notes = self.notes[noted..].iter().map(|note| format!(": {note}"));
                 let notes: String = notes.collect();

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Reads the log of an autopilot or of an inertial unit: PX4 ULog, ArduPilot DataFlash, MAVLink
 /// telemetry log, NovAtel, VectorNav, SBG, MicroStrain, u-blox, Septentrio, Nortek Nucleus, KF-GINS,
-/// PSINS, SBET.
+/// PSINS, SBET, LCM.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleLog {
@@ -36,6 +36,9 @@ pub struct VehicleLog {
     /// wrong ones. The logs with a wrong one are counted.
     #[serde(default)]
     pub checksum: ChecksumUse,
+    /// Definitions of the messages in a log of LCM: files `.lcm`, absolute or relative to the folder of the scenario.
+    #[serde(default)]
+    pub definitions: Vec<PathBuf>,
     /// The clock of the log.
     #[serde(default)]
     pub time: TimeConfig,

@@ -115,6 +115,7 @@ impl ConnectedUnit {
             interval: None,
             unit: self.unit,
             checksum: ChecksumUse::default(),
+            definitions: Vec::new(),
             time,
         };
         config.check(format)?;

@@ -2,6 +2,7 @@
 
 use crate::dataflash::Dataflash;
 use crate::doubles::{Doubles, KF_GINS, SBET};
+use crate::lcm::Lcm;
 use crate::mavlink::Tlog;
 use crate::mip::Mip;
 use crate::novatel::Novatel;
@@ -51,11 +52,13 @@ pub enum Format {
     VectornavBinary,
     /// Packets of MicroStrain (MIP).
     Mip,
+    /// Event logs of LCM.
+    Lcm,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Ulog,
         Self::Tlog,
         Self::Novatel,
@@ -70,6 +73,7 @@ impl Format {
         Self::SbgEcom,
         Self::VectornavBinary,
         Self::Mip,
+        Self::Lcm,
     ];
 
     /// The name in a scenario.
@@ -89,6 +93,7 @@ impl Format {
             Self::SbgEcom => "sbg-ecom",
             Self::VectornavBinary => "vectornav-binary",
             Self::Mip => "mip",
+            Self::Lcm => "lcm",
         }
     }
 
@@ -106,6 +111,7 @@ impl Format {
             Self::Sbet | Self::KfGins | Self::Nucleus => "record",
             Self::Sbf => "block",
             Self::Psins => "line",
+            Self::Lcm => "event",
         }
     }
 
@@ -131,6 +137,7 @@ impl Format {
             Self::SbgEcom => Box::new(Sbg::new(reader, options)),
             Self::VectornavBinary => Box::new(VectornavBinary::new(reader, options)),
             Self::Mip => Box::new(Mip::new(reader, options)),
+            Self::Lcm => Box::new(Lcm::new(reader, options)),
         }
     }
 

@@ -16,6 +16,7 @@
 //! | `sbg-ecom` | inertial units of SBG | inertial unit, receivers, velocity log, depth, solution |
 //! | `vectornav-binary` | VectorNav, binary | inertial unit, receivers, solution |
 //! | `mip` | MicroStrain | inertial unit, receivers, solution |
+//! | `lcm` | programs with LCM | any message, by the definitions of its types |
 //!
 //! The source [`VehicleLog`] gives the samples of a scenario's sensors. A [`Decoder`] gives the
 //! messages of a log to any program:
@@ -42,6 +43,7 @@ mod doubles;
 mod format;
 mod join;
 mod known;
+mod lcm;
 mod mavlink;
 mod mip;
 mod novatel;
@@ -63,6 +65,7 @@ mod vectornav_binary;
 pub use config::{FieldConfig, SensorConfig, StampUse, VehicleLog};
 pub use connected::{ConnectedUnit, LiveFormat};
 pub use format::Format;
+pub use lcm::LcmTypes;
 pub use record::{Decoder, Options, Record, Topic};
 
 use navfuse_core::plugin::{Plugin, Registry};

@@ -1,5 +1,6 @@
 //! Records of a log: messages with named numbers.
 
+use crate::lcm::LcmTypes;
 use navfuse_frames::{Damage, Stamp};
 use std::io::Result;
 
@@ -75,6 +76,8 @@ pub struct Options {
     pub interval: Option<i64>,
     /// Uses logs of NovAtel in text whatever their checksum.
     pub unchecked: bool,
+    /// Types of the messages of LCM, which its logs do not describe.
+    pub definitions: LcmTypes,
 }
 
 impl Options {

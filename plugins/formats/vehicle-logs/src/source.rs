@@ -3,6 +3,7 @@
 use crate::config::{StampUse, VehicleLog};
 use crate::format::Format;
 use crate::join::Join;
+use crate::lcm::LcmTypes;
 use crate::record::{Decoder, Options};
 use crate::target::{Filling, Target, targets};
 use navfuse_core::model::stream::{Source, StreamError};
@@ -10,7 +11,7 @@ use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
 use navfuse_frames::{ChecksumUse, Clock, Count, Stamp, TimeConfig, open, recognise};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Largest number of messages that an error lists.
 const LISTED: usize = 40;
@@ -26,9 +27,11 @@ impl SourceType for VehicleLog {
             None => recognise(&path, &Format::ALL.map(Format::name), Format::recognise)?,
         };
         self.check(format)?;
+        let definitions = self.types(context.base.as_ref())?;
         let mut sources: Vec<Box<dyn Source>> = Vec::new();
         for target in targets {
-            let decoder = format.decoder(open(&path)?, &self.options(&target));
+            let options = Options { definitions: definitions.clone(), ..self.options(&target) };
+            let decoder = format.decoder(open(&path)?, &options);
             // each source reads the whole file; the first reports its damage
             let first = sources.is_empty();
             let mut stream = Stream::new(&self, target, (format, decoder), path.clone(), first)?;
@@ -53,6 +56,11 @@ impl VehicleLog {
                 "only the text of NovAtel is read with wrong checksums",
                 "remove the key",
             ),
+            _ if !self.definitions.is_empty() && format != Format::Lcm => (
+                "definitions",
+                "only the messages of LCM have definitions of their own",
+                "remove the key",
+            ),
             Format::Ulog | Format::Dataflash | Format::Vectornav | Format::SbgEcom
                 if self.time.origin.is_some() =>
             {
@@ -70,6 +78,17 @@ impl VehicleLog {
         Err(StreamError::scenario(message).at_key(key).with_remedy(remedy))
     }
 
+    /// The types that the definitions of LCM have.
+    fn types(&self, base: &Path) -> Result<LcmTypes, StreamError> {
+        let read = |file: &PathBuf| {
+            let path = base.join(file);
+            std::fs::read_to_string(&path).map_err(|e| StreamError::open(&path, e))
+        };
+        let texts =
+            self.definitions.iter().map(read).collect::<Result<Vec<String>, StreamError>>()?;
+        LcmTypes::parse(&texts).map_err(|why| StreamError::scenario(why).at_key("definitions"))
+    }
+
     /// What the decoder of a sensor's messages has to know.
     pub(crate) fn options(&self, target: &Target) -> Options {
         let interval = self.interval.and_then(|i| Span::from_seconds(i.value().si()));
@@ -84,6 +103,7 @@ impl VehicleLog {
             interval: interval.map(Span::nanos),
             unit: self.unit,
             unchecked: self.checksum == ChecksumUse::Ignore,
+            definitions: LcmTypes::default(),
         }
     }
 }

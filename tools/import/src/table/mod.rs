@@ -72,6 +72,18 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     measured(layout.clone(), name, Vec::new()).or_else(|why| by_content(&layout).ok_or(why))
 }
 
+/// The sensors of messages with these fields, by their values.
+///
+/// # Errors
+/// With the reason why no sensor is recognised.
+pub fn of_fields(
+    headings: Vec<String>,
+    rows: Vec<Vec<String>>,
+    name: &str,
+) -> Result<Vec<Found>, String> {
+    measured(Layout::labelled(headings, rows, Vec::new()), name, Vec::new())
+}
+
 /// The inertial unit of a table whose headings mean nothing, by the content of its columns.
 fn by_content(layout: &Layout) -> Option<Vec<Found>> {
     let (headings, question) = content::headings(layout)?;

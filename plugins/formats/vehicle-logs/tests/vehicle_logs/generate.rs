@@ -605,7 +605,7 @@ pub fn psins(count: u32) -> Vec<u8> {
 }
 
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 15] {
+pub fn logs() -> [(&'static str, Vec<u8>); 16] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
@@ -622,5 +622,6 @@ pub fn logs() -> [(&'static str, Vec<u8>); 15] {
         ("sbg-ecom", units::sbg(1)),
         ("vectornav-binary", units::vectornav_binary(1)),
         ("mip", units::mip(2, false)),
+        ("lcm", crate::lcm::log(60)),
     ]
 }
