@@ -8,7 +8,7 @@ const UNPACK: &str = "unpack it and give its files";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 25] = [
+const LONG: [Mark; 24] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -28,7 +28,6 @@ const LONG: [Mark; 25] = [
     (0, b"\xa1\xb2\xc3\xd4", "a capture of network packets (pcap)", CONVERT),
     (0, b"\x4d\x3c\xb2\xa1", "a capture of network packets (pcap)", CONVERT),
     (0, b"\x0a\x0d\x0d\x0a", "a capture of network packets (pcapng)", CONVERT),
-    (0, b"\xed\xa1\xda\x01", "a log of LCM", CONVERT),
     (0, b"\xfd7zXZ\0", "a file packed with xz", UNPACK),
     (0, b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", UNPACK),
     (0, b"Rar!\x1a\x07", "a RAR archive", UNPACK),

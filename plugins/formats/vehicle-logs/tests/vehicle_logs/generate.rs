@@ -622,6 +622,6 @@ pub fn logs() -> [(&'static str, Vec<u8>); 16] {
         ("sbg-ecom", units::sbg(1)),
         ("vectornav-binary", units::vectornav_binary(1)),
         ("mip", units::mip(2, false)),
-        ("lcm", crate::lcm::log(60)),
+        ("lcm", units::lcm(60)),
     ]
 }

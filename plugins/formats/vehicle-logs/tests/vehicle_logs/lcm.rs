@@ -1,5 +1,8 @@
 //! Event logs of LCM, with and without the definitions of their types.
 
+use crate::generate::units::{
+    LCM_DEPTH as DEPTH, LCM_FIRST as FIRST, lcm as log, lcm_event as event,
+};
 use crate::read;
 use crate::scenario::{near, read as samples};
 use navfuse_core::units::time::Time;
@@ -11,47 +14,8 @@ const DEFINITION: &str = "package vehicle;\n\
     struct vector_t { float x, y, z; } // inside another one\n\
     struct imu_t { int64_t utime; vector_t gyro; double accel[3]; int8_t n; byte raw[n]; }\n\
     struct depth_t { const int32_t KIND = 1; int64_t utime; float depth; string unit; }\n";
-const IMU: u64 = 0x1002_952a_f10a_2dae;
-const DEPTH: u64 = 0xabd2_fe1a_b850_8f40;
 /// Time of the first message, and the delay of its reception, us.
-const FIRST: i64 = 1_700_000_000_000_000;
 const DELAY: i64 = 2000;
-
-fn event(number: i64, micros: i64, channel: &str, data: &[u8]) -> Vec<u8> {
-    let mut event = vec![0xed, 0xa1, 0xda, 0x01];
-    event.extend(number.to_be_bytes());
-    event.extend(micros.to_be_bytes());
-    event.extend((channel.len() as i32).to_be_bytes());
-    event.extend((data.len() as i32).to_be_bytes());
-    event.extend(channel.as_bytes());
-    event.extend(data);
-    event
-}
-
-/// An inertial unit at 50 Hz and a depth at 10 Hz.
-pub fn log(count: u32) -> Vec<u8> {
-    let mut log = Vec::new();
-    for k in 0..count {
-        let micros = FIRST + i64::from(k) * 20_000;
-        let mut data = IMU.to_be_bytes().to_vec();
-        data.extend(micros.to_be_bytes());
-        data.extend([0.25_f32, -0.5, 0.125].iter().flat_map(|v| v.to_be_bytes()));
-        data.extend([0.1_f64, -0.2, -9.8].iter().flat_map(|v| v.to_be_bytes()));
-        let extra = k as usize % 3;
-        data.push(extra as u8);
-        data.extend(vec![7; extra]);
-        log.extend(event(i64::from(k), micros + DELAY, "IMU", &data));
-        if k.is_multiple_of(5) {
-            let mut data = DEPTH.to_be_bytes().to_vec();
-            data.extend(micros.to_be_bytes());
-            data.extend((10.0 + k as f32).to_be_bytes());
-            data.extend(2_i32.to_be_bytes());
-            data.extend(b"m\0");
-            log.extend(event(i64::from(k), micros + DELAY, "DEPTH", &data));
-        }
-    }
-    log
-}
 
 #[test]
 fn without_definitions_a_log_has_channels_and_times() {

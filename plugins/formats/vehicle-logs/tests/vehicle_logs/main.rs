@@ -41,7 +41,7 @@ fn speed_of_reading() {
         ("sbg-ecom", generate::units::sbg(600)),
         ("vectornav-binary", generate::units::vectornav_binary(600)),
         ("mip", generate::units::mip(600, false)),
-        ("lcm", lcm::log(30_000)),
+        ("lcm", generate::units::lcm(30_000)),
     ] {
         let format = Format::ALL.into_iter().find(|f| f.name() == name).unwrap();
         let (all, size) = (read(format, &log).0.len(), log.len());

@@ -223,3 +223,47 @@ pub fn mip(seconds: u32, increments: bool) -> Vec<u8> {
     }
     log
 }
+
+/// Fingerprints that `lcm-gen --python` writes for the types of [`lcm`].
+pub const LCM_IMU: u64 = 0x1002_952a_f10a_2dae;
+pub const LCM_DEPTH: u64 = 0xabd2_fe1a_b850_8f40;
+/// Time of the first message of LCM, and the delay of its reception, us.
+pub const LCM_FIRST: i64 = 1_700_000_000_000_000;
+const LCM_DELAY: i64 = 2000;
+
+/// An event of LCM.
+pub fn lcm_event(number: i64, micros: i64, channel: &str, data: &[u8]) -> Vec<u8> {
+    let mut event = vec![0xed, 0xa1, 0xda, 0x01];
+    event.extend(number.to_be_bytes());
+    event.extend(micros.to_be_bytes());
+    event.extend((channel.len() as i32).to_be_bytes());
+    event.extend((data.len() as i32).to_be_bytes());
+    event.extend(channel.as_bytes());
+    event.extend(data);
+    event
+}
+
+/// An inertial unit at 50 Hz and a depth at 10 Hz.
+pub fn lcm(count: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    for k in 0..count {
+        let micros = LCM_FIRST + i64::from(k) * 20_000;
+        let mut data = LCM_IMU.to_be_bytes().to_vec();
+        data.extend(micros.to_be_bytes());
+        data.extend([0.25_f32, -0.5, 0.125].iter().flat_map(|v| v.to_be_bytes()));
+        data.extend([0.1_f64, -0.2, -9.8].iter().flat_map(|v| v.to_be_bytes()));
+        let extra = k as usize % 3;
+        data.push(extra as u8);
+        data.extend(vec![7; extra]);
+        log.extend(lcm_event(i64::from(k), micros + LCM_DELAY, "IMU", &data));
+        if k.is_multiple_of(5) {
+            let mut data = LCM_DEPTH.to_be_bytes().to_vec();
+            data.extend(micros.to_be_bytes());
+            data.extend((10.0 + k as f32).to_be_bytes());
+            data.extend(2_i32.to_be_bytes());
+            data.extend(b"m\0");
+            log.extend(lcm_event(i64::from(k), micros + LCM_DELAY, "DEPTH", &data));
+        }
+    }
+    log
+}
