@@ -36,7 +36,8 @@ pub struct VehicleLog {
     /// wrong ones. The logs with a wrong one are counted.
     #[serde(default)]
     pub checksum: ChecksumUse,
-    /// Definitions of the messages in a log of LCM: files `.lcm`, absolute or relative to the folder of the scenario.
+    /// Definitions of the messages in a log of LCM: files `.lcm`, absolute or relative to the
+    /// folder of the scenario.
     #[serde(default)]
     pub definitions: Vec<PathBuf>,
     /// The clock of the log.
