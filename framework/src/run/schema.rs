@@ -213,8 +213,8 @@ pub struct Parameter {
 }
 
 /// The parameters of a registered type, its own first. The keys of an inner table follow it as
-/// `table.key`, the keys of the tables of an array as `array.N.key`, and the kinds of these tables as
-/// `array: kind`.
+/// `table.key`, the keys of tables by name as `table.NAME.key`, the keys of the tables of an array as
+/// `array.N.key`, and the kinds of these tables as `array: kind`.
 pub fn parameters(entry: &Entry) -> Vec<Parameter> {
     let mut definitions = Map::new();
     let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))
@@ -242,6 +242,8 @@ fn inner_parameters(
     let required: Vec<&str> = (schema.get("required").and_then(Value::as_array))
         .map_or_else(Vec::new, |r| r.iter().filter_map(Value::as_str).collect());
     let Some(properties) = schema.get("properties").and_then(Value::as_object) else { return };
+    // tables by name of one type in one table have their keys once
+    let mut named: Vec<(&Value, String)> = Vec::new();
     for (name, value) in properties {
         let default = match value.get("default") {
             Some(Value::String(s)) => s.clone(),
@@ -250,7 +252,7 @@ fn inner_parameters(
             _ => "-".to_owned(),
         };
         let key = format!("{prefix}{name}");
-        let resolved = resolve(value, definitions);
+        let resolved = table_of(value, definitions);
         rows.push(Parameter {
             key: key.clone(),
             takes: takes(value, definitions, 0),
@@ -259,6 +261,24 @@ fn inner_parameters(
         });
         if calibration(value).is_none() {
             inner_parameters(&format!("{key}."), resolved, definitions, rows);
+        }
+        let tables = resolved.get("additionalProperties").filter(|s| s.is_object());
+        let tables = tables.map(|s| (s, table_of(s, definitions)));
+        if let Some((tables, table)) = tables.filter(|(_, t)| t.get("properties").is_some()) {
+            let key = format!("{key}.NAME");
+            match named.iter().find(|(known, _)| *known == tables) {
+                Some((_, first)) => rows.push(Parameter {
+                    meaning: format!("The keys of `{first}`."),
+                    takes: takes(tables, definitions, 0),
+                    default: "-".to_owned(),
+                    key,
+                }),
+                None => {
+                    let prefix = format!("{key}.");
+                    inner_parameters(&prefix, table, definitions, rows);
+                    named.push((tables, key));
+                }
+            }
         }
         let items = resolved.get("items").map(|i| resolve(i, definitions));
         if let Some(items) = items.filter(|i| i.get("properties").is_some()) {
@@ -281,6 +301,14 @@ fn inner_parameters(
     }
 }
 
+/// The table among the values that a schema accepts, as where a text may stand for a table; else the schema.
+fn table_of<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Value {
+    let schema = resolve(schema, definitions);
+    let choices = schema.get("anyOf").and_then(Value::as_array).into_iter().flatten();
+    let mut choices = choices.map(|choice| resolve(choice, definitions));
+    choices.find(|choice| choice.get("properties").is_some()).unwrap_or(schema)
+}
+
 fn meaning(schema: &Value) -> String {
     schema.get("description").and_then(Value::as_str).unwrap_or_default().replace('\n', " ")
 }
@@ -301,9 +329,11 @@ fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Va
     }
 }
 
-/// The name of the schema of a calibration; none for another schema.
+/// The name of the schema of a calibration, which may be optional; none for another schema.
 fn calibration(schema: &Value) -> Option<&str> {
-    let name = schema.get("$ref").and_then(Value::as_str)?.rsplit('/').next()?;
+    let choices = schema.get("anyOf").and_then(Value::as_array).into_iter().flatten();
+    let reference = std::iter::once(schema).chain(choices).find_map(|s| s.get("$ref"));
+    let name = reference.and_then(Value::as_str)?.rsplit('/').next()?;
     name.starts_with("Calibration_").then_some(name)
 }
 
@@ -362,6 +392,33 @@ fn takes(schema: &Value, definitions: &Map<String, Value>, depth: usize) -> Stri
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_keys_of_tables_by_name_follow_their_table_once() {
+        let schema = json!({
+            "$defs": {
+                "Calibration_x": { "anyOf": [{ "type": "string" }, { "properties": { "sigma": {} } }] },
+                "Topic": { "properties": { "field": { "type": "string", "description": "Where." } } },
+                "Named": { "anyOf": [{ "type": "string" }, { "$ref": "#/$defs/Topic" }] },
+            },
+            "properties": {
+                "sensors": { "type": "object", "additionalProperties": { "$ref": "#/$defs/Topic" } },
+                "more": { "type": "object", "additionalProperties": { "$ref": "#/$defs/Topic" } },
+                "columns": { "type": "object", "additionalProperties": { "$ref": "#/$defs/Named" } },
+                "only": { "type": "object", "additionalProperties": { "type": "number" } },
+                "bias": { "anyOf": [{ "$ref": "#/$defs/Calibration_x" }, { "type": "null" }] },
+            },
+            "additionalProperties": false,
+        });
+        let mut definitions = Map::new();
+        let lifted = lift(schema, &mut definitions);
+        let mut rows = Vec::new();
+        inner_parameters("", &lifted, &definitions, &mut rows);
+        let keys: Vec<&str> = rows.iter().map(|row| row.key.as_str()).collect();
+        let expected = ["sensors", "sensors.NAME.field", "more", "more.NAME", "columns"];
+        assert_eq!(keys, [&expected[..], &["columns.NAME.field", "only", "bias"]].concat());
+        assert_eq!(rows[3].meaning, "The keys of `sensors.NAME`.");
+    }
 
     /// Two plugins may have a type `Format`, each within a type `Files`.
     #[test]
