@@ -1,14 +1,17 @@
 //! `navfuse import`.
 
 use crate::error::{CommandError, Result};
+use crate::execution::campaign::threads;
 use crate::output;
 use crate::output::progress::{INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
+use navfuse_core::document::Document;
 use navfuse_core::input::text_of;
 use navfuse_core::plugin::Registry;
 use navfuse_import::{Answers, Heading, Imported, OdometryUse, StreamSurvey};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 
 /// 1-sigma of a heading that is given without one, deg.
 const HEADING: f64 = 5.0;
@@ -73,11 +76,33 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let answers = Answers { name, position, heading, odometry };
     let stop = stop_on_signal();
     let imported = navfuse_import::import(registry, &arguments.files, &out, &answers, &stop)?;
-    let Some(imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
+    let Some(mut imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
+    decide(registry, &out, &mut imported, &stop)?;
     output::write(&out, &imported.scenario)?;
     print(&imported);
     output::line(next(&out, imported.questions.len()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Answers a question as the samples do, where they decide between a few answers.
+fn decide(
+    registry: &Registry,
+    out: &Path,
+    imported: &mut Imported,
+    stop: &AtomicBool,
+) -> Result<()> {
+    if imported.alternatives.is_empty() {
+        return Ok(());
+    }
+    let document = Document::parse(out.display().to_string(), imported.scenario.clone())?;
+    let answers = &imported.alternatives;
+    let found = navfuse_diagnose::likeliest(registry, &document, answers, threads(None)?, stop)?;
+    if let Some(answer) = found {
+        imported.scenario =
+            navfuse_diagnose::apply(&imported.scenario, std::slice::from_ref(answer))?;
+        imported.notes.push(format!("of a few answers the samples are likeliest with {answer}"));
+    }
+    Ok(())
 }
 
 /// The scenario, the number of guesses in it, and the command that follows.

@@ -9,7 +9,7 @@ use navfuse_report::compare::{Comparison, RunResult, StateResult};
 /// Number of states in the table of the largest differences.
 const STATES: usize = 5;
 
-/// Prints the comparison: runs, differing keys, states that differ most, sensors, states, and the
+/// Prints the comparison: runs, states that differ most, differing keys, sensors, states, and the
 /// verdicts.
 pub fn tables(comparison: &Comparison) {
     if !Detail::is_quiet() {
@@ -17,8 +17,8 @@ pub fn tables(comparison: &Comparison) {
             line(format_args!("{}  {}", run.letter, run.origin));
         }
         line("");
-        keys(comparison);
         differences(comparison);
+        keys(comparison);
         results(comparison);
         sensors(comparison);
         states(comparison);

@@ -272,7 +272,7 @@ fn a_pair_that_differs_in_one_key_shows_that_key_first_and_the_errors_of_both_ru
     let page = read(&Path::new(&out).join("compare.html"));
     assert!(page.contains("sensor.dvl.noise") && page.contains("B - A"));
     let at = |heading: &str| page.find(&format!("<h2>{heading}</h2>")).expect("a heading");
-    assert!(at("Runs") < at("What differs") && at("What differs") < at("Sensors"));
+    assert!(at("What differs") < at("Runs") && at("Runs") < at("Sensors"));
     assert!(page.matches("<svg").count() >= 10, "{}", page.matches("<svg").count());
     assert!(!page.contains("no data") && !page.contains("NaN"));
     #[cfg(feature = "rerun")]

@@ -7,7 +7,7 @@ use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Scale factor, then roll, pitch and yaw of the misalignment in degrees: the `truth` values of
 /// `scenarios/sample-dive/simulation.toml`, which the recording's README states too.
@@ -28,11 +28,11 @@ fn folder() -> PathBuf {
     root().join("scenarios/sample-dive")
 }
 
-/// The text of a sensor's file, from the samples that the simulation gives.
-fn simulated(sensor: &str, decimals: &[usize]) -> String {
+/// The text of a sensor's file, from the samples that the simulation gives with some settings.
+fn simulated(sensor: &str, decimals: &[usize], settings: &[String]) -> String {
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(folder().join("simulation.toml")).expect("a scenario");
-    let scenario = Scenario::new(&registry, document, &[]).expect("no settings");
+    let scenario = Scenario::new(&registry, document, settings).expect("the settings fit");
     let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
     let sensors = &assembly.composition.sensors;
     let index = sensors.iter().position(|s| s.info.name == sensor).expect("the sensor is there");
@@ -68,7 +68,8 @@ fn rows(text: &str) -> Vec<Vec<f64>> {
 #[test]
 fn the_files_hold_what_the_simulation_gives() {
     for (sensor, decimals) in SENSORS {
-        let (path, text) = (folder().join(format!("{sensor}.csv")), simulated(sensor, &decimals));
+        let (path, text) =
+            (folder().join(format!("{sensor}.csv")), simulated(sensor, &decimals, &[]));
         if std::env::var_os("UPDATE").is_some() {
             std::fs::write(&path, &text).expect("the test can write");
         }
@@ -131,6 +132,49 @@ fn a_calibration_without_an_attitude_is_an_error() {
     let output = navfuse(&["calibrate", &path, "--set", "process.ins.alignment=static"]);
     let text = stderr(&output);
     assert!(!output.status.success() && text.contains("no initial attitude"), "{text}");
+}
+
+/// Imports samples without any answer, runs them, and returns the verdict with latitude (deg) at the end
+/// and its sigma, m.
+fn imported(files: &[PathBuf], folder: &Path) -> (String, f64, f64) {
+    let dive = folder.join("dive.toml").display().to_string();
+    let paths = files.iter().map(|file| file.display().to_string());
+    let arguments: Vec<String> = ["import".to_owned()].into_iter().chain(paths).collect();
+    let arguments: Vec<&str> =
+        arguments.iter().map(String::as_str).chain(["--out", &dive]).collect();
+    let output = navfuse(&arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let finished = run_without_sinks(Path::new(&dive), &[]);
+    let verdict = finished.summary.verdict.text.clone();
+    let row = finished.summary.rows.iter().find(|r| r.name == "ins.position").expect("it is there");
+    (verdict, row.estimate[0], row.sigma[0])
+}
+
+/// The gyros find north by the Earth's rate, whose share along the vertical depends on the latitude. A
+/// position that nobody gave is anywhere, so that they find the latitude too; with one that is 9.5 deg off
+/// by 10 m the Earth's rate would be taken for steps of a gyro bias. The vehicle sails 1 km at most,
+/// 0.01 deg, and three sigma are added.
+#[test]
+fn the_files_imported_without_any_answer_are_consistent_and_show_their_latitude() {
+    let place = tempfile::tempdir().expect("a folder");
+    let of = |folder: &Path| SENSORS.map(|(sensor, _)| folder.join(format!("{sensor}.csv")));
+    let south = place.path().join("south");
+    std::fs::create_dir(&south).expect("the test can write");
+    for (sensor, decimals) in SENSORS {
+        let there = ["source.simulation.start.latitude=\"-35 deg\"".to_owned()];
+        let text = simulated(sensor, &decimals, &there);
+        std::fs::write(south.join(format!("{sensor}.csv")), text).expect("the test can write");
+    }
+    for (files, latitude) in [(of(&folder()), 54.5), (of(&south), -35.0)] {
+        let (verdict, found, sigma) = imported(&files, place.path());
+        assert!(verdict.starts_with("consistent"), "{latitude}: {verdict}");
+        let bound = 0.01 + 3.0 * sigma / 111_000.0;
+        assert!(
+            (found - latitude).abs() < bound && bound < 0.2,
+            "{found} +- {sigma} m: {latitude}"
+        );
+        std::fs::remove_file(place.path().join("dive.toml")).expect("it is there");
+    }
 }
 
 #[test]

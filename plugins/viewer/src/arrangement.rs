@@ -162,8 +162,8 @@ impl Layout {
             self.legend = true;
             // without a truth the worst state is the one whose sigma fell least
             let (leaf, name, range) = match block.components[k].tally.worst {
-                Some((size, _)) => {
-                    let size = size.max(4.0);
+                Some(worst) => {
+                    let size = worst.sigmas.max(4.0);
                     self.corner = plots.corners.normalised;
                     let name = format!("{name}, {}", block.ratio());
                     ("normalised", name, [-size, size])

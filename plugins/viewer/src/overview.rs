@@ -18,6 +18,8 @@ use std::fmt::Write;
 pub const MANY: usize = 7;
 /// Sigma at the end relative to the prior, above which a state has not converged.
 const CONVERGED: f64 = 0.5;
+/// Level of a verdict whose faults are all contained: they are no reason not to use the result.
+const CONTAINED: &str = "usable, with a contained fault";
 /// Greatest number of blocks that are named as not converged.
 const BLOCKS: usize = 12;
 
@@ -30,7 +32,7 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
         })
     };
     let error = all()
-        .filter_map(|(b, k, tally)| Some((b, k, tally.worst?.0)))
+        .filter_map(|(b, k, tally)| Some((b, k, tally.worst?.sigmas)))
         .max_by(|x, y| x.2.total_cmp(&y.2));
     let sigma = || {
         all()
@@ -70,10 +72,9 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
 
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let Answers { usable, because, sigma, sigma_because, change } = verdict.answers();
-    // a fault that is contained is doubtful, and no reason not to use the result
     let contained = verdict.reasons.iter().all(|r| r.severity <= Severity::Contained);
     let level = match verdict.level {
-        VerdictLevel::Doubtful if contained => "doubtful, but usable",
+        VerdictLevel::Doubtful if contained => CONTAINED,
         level => level.words(),
     };
     let _ = writeln!(page, "# {name}: {level}\n");
@@ -194,7 +195,7 @@ mod tests {
     #[test]
     fn a_contained_fault_is_usable_in_the_title_and_a_reference_is_not_bad() {
         let contained = reason(Criterion::Finding, Severity::Contained, "gnss");
-        assert!(page_of(&[contained]).starts_with("# dive: doubtful, but usable\n"));
+        assert!(page_of(&[contained]).starts_with("# dive: usable, with a contained fault\n"));
         let fault = reason(Criterion::Finding, Severity::DoNotUse, "imu");
         let off = reason(Criterion::Reference, Severity::DoNotUse, "estimate");
         let page = page_of(&[fault, off]);

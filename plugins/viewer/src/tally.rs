@@ -76,6 +76,17 @@ impl Excursions {
     }
 }
 
+/// Largest error of a component.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Worst {
+    /// Size in sigmas, of estimate and reference together.
+    pub sigmas: f64,
+    /// Error with its sign, in the unit of the component.
+    pub error: f64,
+    /// Time of the error.
+    pub time: Time,
+}
+
 /// First and last values of a component, and its largest error.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
@@ -93,8 +104,8 @@ pub struct Tally {
     pub compared: u64,
     /// Number of epochs with an error above 3 sigma.
     pub outside: u64,
-    /// Largest error in sigma, of estimate and reference together, and its time.
-    pub worst: Option<(f64, Time)>,
+    /// Largest error in sigma.
+    pub worst: Option<Worst>,
     /// First excursion that noise does not explain.
     pub left: Option<Excursion>,
     excursion: Option<Excursion>,
@@ -116,8 +127,8 @@ impl Tally {
         self.error = Some(error);
         self.compared += 1;
         let size = (error / sigma.hypot(self.reference)).abs();
-        if self.worst.is_none_or(|worst| size > worst.0) {
-            self.worst = Some((size, time));
+        if self.worst.is_none_or(|worst| size > worst.sigmas) {
+            self.worst = Some(Worst { sigmas: size, error, time });
         }
         if size <= EXCURSION {
             return self.finish();
@@ -169,7 +180,7 @@ mod tests {
         let spans: Vec<_> = ended.iter().map(|e| (e.from.seconds(), e.to.seconds())).collect();
         assert_eq!(spans, [(7.0, 7.0), (20.0, 34.0)]);
         assert_eq!((tally.compared, tally.outside), (35, 17));
-        assert_eq!(tally.worst.map(|w| w.1.seconds()), Some(7.0));
+        assert_eq!(tally.worst.map(|w| w.time.seconds()), Some(7.0));
         assert_eq!(tally.left.map(|e| e.from.seconds()), Some(7.0));
     }
 
@@ -178,7 +189,7 @@ mod tests {
     fn a_recorded_reference_counts_with_its_own_sigma() {
         let mut tally = Tally { reference: 7.0, ..Tally::default() };
         tally.add(Time::default(), 0.0, 1.0, 8.0);
-        let size = tally.worst.map_or(0.0, |worst| worst.0);
+        let size = tally.worst.map_or(0.0, |worst| worst.sigmas);
         assert!((size - 8.0 / 50f64.sqrt()).abs() < 1e-12 && tally.outside == 0, "{size}");
     }
 

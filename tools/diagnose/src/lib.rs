@@ -9,6 +9,7 @@ mod apply;
 mod budget;
 mod causes;
 mod detect;
+mod likeliest;
 mod likelihood;
 mod parallel;
 mod patch;
@@ -23,6 +24,7 @@ pub use budget::{Cause, Course, Legs, Share, budget};
 pub use detect::{
     Counts, Detection, Finding, Kind, Kinds, Plainness, Row as KindRow, counts, detect,
 };
+pub use likeliest::likeliest;
 pub use sensitivity::{Row, Sensitivity, sensitivity};
 
 use navfuse_core::document::{Document, DocumentError};

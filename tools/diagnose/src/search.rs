@@ -37,6 +37,22 @@ fn parameters(patch: &Patch, outcome: &Outcome) -> usize {
     patch.parameters.max(outcome.estimate.as_ref().map_or(0, |row| row.estimate.len()))
 }
 
+/// The number of values of each channel that some runs explain: of a constraint those of the first run,
+/// of a sensor the most.
+pub(crate) fn most<'a>(
+    scene: &Scene<'_>,
+    mut runs: impl Iterator<Item = &'a Outcome>,
+) -> Channels<u64> {
+    let mut wanted = runs.next().map(|base| base.densities.count.clone()).unwrap_or_default();
+    for (name, count) in runs.flat_map(|outcome| &outcome.densities.count) {
+        if scene.sensors.iter().any(|s| s.info.name == *name && !s.constraint) {
+            let most = wanted.entry(name.clone()).or_insert([0; MAX_CHANNELS]);
+            (0..MAX_CHANNELS).for_each(|k| most[k] = most[k].max(count[k]));
+        }
+    }
+    wanted
+}
+
 /// A change and its run.
 type Run = (Patch, Outcome);
 
@@ -127,17 +143,7 @@ impl<'a> Search<'a> {
     /// The number of values of each channel that every run has to explain: of a constraint those of
     /// the unchanged scenario, of a sensor the most that a run explains.
     fn wanted(&self, base: &Outcome, runs: &[Run]) -> Channels<u64> {
-        let mut wanted = base.densities.count.clone();
-        for (_, outcome) in runs {
-            for (name, count) in &outcome.densities.count {
-                let sensors = &self.scene.sensors;
-                if sensors.iter().any(|s| s.info.name == *name && !s.constraint) {
-                    let most = wanted.entry(name.clone()).or_insert([0; MAX_CHANNELS]);
-                    (0..MAX_CHANNELS).for_each(|k| most[k] = most[k].max(count[k]));
-                }
-            }
-        }
-        wanted
+        most(self.scene, [base].into_iter().chain(runs.iter().map(|(_, outcome)| outcome)))
     }
 
     /// Twice the log-likelihood that each change gains, and its score: less `ln n` a parameter

@@ -14,9 +14,12 @@ use navfuse_core::document::quoted;
 use sources::sources;
 use start::{SLOWEST, rests};
 use std::fmt::Write;
-pub use text::{AS_ANSWERED, MARK};
-use text::{Text, round};
+use text::round;
+pub use text::{AS_ANSWERED, MARK, Text};
 
+/// Latitudes at the start, deg, one of which is within a sigma of any but the poles: from farther off, a
+/// filter that observes the latitude by its gyros is not linear enough to find it.
+const ANYWHERE: [f64; 9] = [45.0, 65.0, 25.0, 5.0, -15.0, -35.0, -55.0, -75.0, 80.0];
 /// Longest gap of the IMU that is bridged without a question, s.
 const LONGEST_BRIDGED: f64 = 0.5;
 /// Speed, m/s, below which an alignment by the course must be told.
@@ -24,12 +27,13 @@ const SLOW: f64 = 4.0;
 /// Recording, s, that is too short for the usual alignment by the course.
 const SHORT: f64 = 25.0;
 
-/// The scenario of a recording, with what its samples show, and the questions in it.
+/// The scenario of a recording, with what its samples show, the questions in it, and other answers to
+/// one of them.
 pub fn scenario(
     recording: &Recording,
     streams: Option<&[StreamSurvey]>,
     answers: &Answers,
-) -> (String, Vec<String>) {
+) -> Text {
     let mut out = Text::default();
     let stream = |name: &str| streams.and_then(|s| s.iter().find(|s| s.sensor == name));
     out.line(
@@ -45,7 +49,7 @@ pub fn scenario(
         sensor(&mut out, part, stream(part.name), apart);
     }
     sources(&mut out, recording);
-    (out.text, out.questions)
+    out
 }
 
 /// The first time at which all sensors have begun, where the filter starts from a reference.
@@ -170,14 +174,26 @@ fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, 
     });
     // an answer is for a recording without a position
     let known = fix.or(answers.position);
-    let [lat, lon, height] = known.unwrap_or([45.0, 0.0, 0.0]);
-    let line = format!(
-        "position = {{ latitude = \"{lat} deg\", longitude = \"{lon} deg\", height = \"{height} m\", \
-         sigma = \"10 m\" }}"
-    );
+    let line = |[lat, lon, height]: [f64; 3], sigma: &str| {
+        format!(
+            "position = {{ latitude = \"{lat} deg\", longitude = \"{lon} deg\", height = \"{height} m\", \
+             sigma = {sigma} }}"
+        )
+    };
+    let anywhere = [ANYWHERE[0], 0.0, 0.0];
     match known {
-        Some(_) => out.line(&line),
-        None => out.ask(&line, "position at the start; give it with --position"),
+        Some(known) => out.line(&line(known, "\"10 m\"")),
+        // gyros that find north by the Earth's rate would take a wrong latitude for a bias
+        None if out.finds_north => {
+            let question =
+                "position at the start; the gyros show the latitude alone: give it with --position";
+            out.ask(&line(anywhere, "[\"1000 km\", \"1000 km\", \"10 m\"]"), question);
+            let other = |lat: &f64| format!("process.ins.position.latitude=\"{lat} deg\"");
+            out.alternatives = ANYWHERE[1..].iter().map(other).collect();
+        }
+        None => {
+            out.ask(&line(anywhere, "\"10 m\""), "position at the start; give it with --position")
+        }
     }
 }
 

@@ -90,6 +90,9 @@ pub struct Imported {
     pub streams: Vec<StreamSurvey>,
     /// The questions that remain.
     pub questions: Vec<String>,
+    /// Other answers to one of the questions, each as `key.path=value`: the likelihood of the samples
+    /// decides between them and the one in the scenario.
+    pub alternatives: Vec<String>,
     /// Notes on files and sensors.
     pub notes: Vec<String>,
 }
@@ -141,7 +144,7 @@ pub fn import(
     let mut streams: Option<Vec<StreamSurvey>> = None;
     // again with what the samples showed, such as their axes
     let streams = loop {
-        let text = draft::scenario(&recording, streams.as_deref(), answers).0;
+        let text = draft::scenario(&recording, streams.as_deref(), answers).text;
         let document = Document::parse(scenario.display().to_string(), text)?;
         let assembly = Scenario::new(registry, document, &[])?.assemble(None)?;
         let Some(surveyed) = stream::survey(assembly, recording.beams(), stop)? else {
@@ -154,14 +157,15 @@ pub fn import(
     };
     recording.share_time(&streams)?;
     recording.swims_along_its_axes()?;
-    let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
+    let draft = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
-    if answers.heading.is_some() && !text.contains(draft::AS_ANSWERED) {
+    if answers.heading.is_some() && !draft.text.contains(draft::AS_ANSWERED) {
         notes
             .push("the answer of the heading is not used: the samples show the heading".to_owned());
     }
     for stream in &streams {
         notes.extend(stream.clock.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
     }
-    Ok(Some(Imported { scenario: text, streams, questions, notes }))
+    let draft::Text { text: scenario, questions, alternatives, .. } = draft;
+    Ok(Some(Imported { scenario, streams, questions, alternatives, notes }))
 }

@@ -160,11 +160,10 @@ fn line(lane: &SensorLane, sensors: &[SensorSeries], whole: bool, now: Time) -> 
         stretches.iter().copied().filter(|s| s.health == Health::Doubted).collect();
     match (stretches.last().map(|s| s.health), doubted.first(), doubted.last()) {
         (Some(Health::Isolated), ..) => parts.push("the sensor is isolated at the end".to_owned()),
-        (Some(Health::Doubted), Some(first), _) => parts.push(format!(
-            "used with doubt for {:.0} s, from {:.0} s on",
-            length(&doubted),
-            first.from.seconds()
-        )),
+        (Some(Health::Doubted), Some(first), _) => parts.push(match doubted.len() {
+            1 => format!("used with doubt from {:.0} s on", first.from.seconds()),
+            n => format!("used with doubt from {:.0} s on, in {n} stretches", first.from.seconds()),
+        }),
         (_, _, Some(last)) => parts.push(format!(
             "used with doubt until {:.0} s, when it agreed again",
             last.to.seconds()
@@ -303,7 +302,7 @@ mod tests {
         let depth = lane("depth", Purpose::Measurement, &stretches);
         let found = [reason(Criterion::Finding, Severity::Contained, "depth")];
         let expected = "- **depth**: fault 250–312 s (gated 250–280 s; isolated 280–312 s); used with \
-                        doubt for 318 s, from 312 s on";
+                        doubt from 312 s on";
         assert_eq!(lines(&[depth], &found)[1..], [expected]);
         let agrees = [(Used, 250), (Gated, 280), (Doubted, 305), (Used, 630)];
         let agrees = lane("depth", Purpose::Measurement, &agrees);
@@ -332,7 +331,7 @@ mod tests {
         assert_eq!(
             found[1..],
             [
-                "- **imu**: used with doubt for 424 s, from 206 s on",
+                "- **imu**: used with doubt from 206 s on",
                 "- **depth**: refused because of imu: gated 256–630 s",
                 "- **dvl**: refused because of imu: gated 66–630 s",
             ]

@@ -4,10 +4,10 @@
 use crate::axis::{self, short};
 use crate::run::Run;
 use crate::state::BlockSeries;
+use crate::tally::Worst;
 use navfuse_core::model::record::answers::Truth;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::sensor::Accuracy;
-use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
 /// Number of states in the table beside those of the position.
@@ -31,8 +31,8 @@ pub struct Errors {
     simulated: bool,
     /// 1-sigma of a recorded reference.
     reference: Option<Accuracy>,
-    /// Block and component with the largest error in sigma and its time, the largest first.
-    largest: Vec<(usize, usize, (f64, Time))>,
+    /// Block and component with its largest error in sigma, the largest first.
+    largest: Vec<(usize, usize, Worst)>,
     /// The components that were outside 3 sigma for longer than [`OUTSIDE`] of the time.
     wrong: Vec<(usize, usize)>,
 }
@@ -47,8 +47,8 @@ impl Errors {
         let tally = |b: usize, k: usize| &blocks[b].components[k].tally;
         let mut largest: Vec<_> =
             all().filter_map(|(b, k)| Some((b, k, tally(b, k).worst?))).collect();
-        largest.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
-        let share = |(b, k, _): &&(usize, usize, (f64, Time))| {
+        largest.sort_by(|a, b| b.2.sigmas.total_cmp(&a.2.sigmas));
+        let share = |(b, k, _): &&(usize, usize, Worst)| {
             let tally = tally(*b, *k);
             tally.outside as f64 / tally.compared.max(1) as f64 > OUTSIDE
         };
@@ -62,7 +62,7 @@ impl Errors {
         let wrong = self.wrong.len();
         let expected = BY_CHANCE * self.largest.len() as f64;
         let most = expected + 3.0 * (expected * (1.0 - BY_CHANCE)).sqrt();
-        let far = self.largest.first().is_some_and(|largest| largest.2.0 > NEVER);
+        let far = self.largest.first().is_some_and(|largest| largest.2.sigmas > NEVER);
         self.simulated && wrong > 0 && (far || wrong as f64 > most)
     }
 
@@ -148,8 +148,8 @@ pub fn states(run: &Run) -> String {
     others.retain(|place| !shown.contains(place));
     shown.extend(others.into_iter().take(STATES));
     let [error, largest] = match run.simulated {
-        true => ["error ± 1 sigma, end", "largest, sigmas"],
-        false => ["minus reference ± 1 sigma", "largest, sigmas of both"],
+        true => ["error ± 1 sigma, end", "largest (in sigmas)"],
+        false => ["minus reference ± 1 sigma, end", "largest (in sigmas of both)"],
     };
     let mut page = match known {
         true => format!("| state | {error} | {largest} | at |\n"),
@@ -162,13 +162,15 @@ pub fn states(run: &Run) -> String {
         let sigma = short(c.tally.sigma / scale.size);
         let (name, unit) = (blocks[b].full_name(k), scale.unit);
         let _ = match (c.tally.error, c.tally.worst) {
-            (Some(error), Some((size, at))) => {
+            (Some(error), Some(Worst { sigmas, error: largest, time })) => {
                 let error = short(error / scale.size);
-                let mark = if size > NEVER { " **!**" } else { "" };
-                let at = at.seconds();
+                let large = axis::scale(c.unit, largest.abs());
+                let largest = format!("{} {}", short(largest / large.size), large.unit);
+                let mark = if sigmas > NEVER { " **!**" } else { "" };
+                let at = time.seconds();
                 writeln!(
                     page,
-                    "| {name} | {error} ± {sigma} {unit} | {size:.1}{mark} | {at:.0} s |"
+                    "| {name} | {error} ± {sigma} {unit} | {largest} ({sigmas:.1}{mark}) | {at:.0} s |"
                 )
             }
             _ => {
@@ -185,7 +187,8 @@ mod tests {
     use super::*;
 
     fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
-        let largest = vec![(0, 0, (largest, Time::from_nanos(0))); states];
+        let largest = Worst { sigmas: largest, ..Worst::default() };
+        let largest = vec![(0, 0, largest); states];
         Errors { simulated, reference: None, largest, wrong: vec![(0, 0); wrong] }
     }
 

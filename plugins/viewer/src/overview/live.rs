@@ -1,5 +1,7 @@
 //! The headline of a run that goes on: the verdict so far and since when, and what the sensors do now.
 
+use super::CONTAINED;
+use crate::axis::{self, short};
 use crate::run::Run;
 use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::health::Health;
@@ -17,7 +19,7 @@ pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {
         return write_now(page, run);
     };
     let level = match severity {
-        Severity::Contained => "doubtful, but usable",
+        Severity::Contained => CONTAINED,
         severity => VerdictLevel::from(*severity).words(),
     };
     let since = time.seconds();
@@ -55,6 +57,21 @@ fn write_now(page: &mut String, run: &Run) {
     }
     if !parts.is_empty() {
         let _ = writeln!(page, "Now {}.", parts.join(" · "));
+    }
+    write_sigma(page, run);
+}
+
+/// Writes the sigma of the position at present.
+fn write_sigma(page: &mut String, run: &Run) {
+    let blocks = run.blocks.iter().filter(|block| block.is_position);
+    for block in blocks {
+        let sigma = |k: usize| {
+            let c = &block.components[k];
+            let scale = axis::scale(c.unit, c.tally.sigma);
+            format!("{} {} {}", c.name, short(c.tally.sigma / scale.size), scale.unit)
+        };
+        let all: Vec<String> = (0..block.components.len()).map(sigma).collect();
+        let _ = writeln!(page, "\nSigma of the position now: {}.", all.join(", "));
     }
 }
 

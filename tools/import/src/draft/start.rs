@@ -118,7 +118,7 @@ pub fn align<'a>(
             let begun = begun(out);
             return level(out, Some(imu), known.or(begun));
         }
-        out.aligned_at_rest = true;
+        (out.aligned_at_rest, out.finds_north) = (true, true);
         out.ask(
             &format!(
                 "alignment = {{ method = \"static\", duration = \"{duration} s\", \
@@ -130,10 +130,11 @@ pub fn align<'a>(
         let begun = begun(out);
         level(out, Some(imu), known.or(begun));
     } else if span >= IN_MOTION {
+        out.finds_north = true;
         out.line(&format!("alignment = {{ method = \"in-motion\"{velocity}{gap} }}"));
     } else if span >= SHORTEST_IN_MOTION {
         let duration = (0.7 * span).floor();
-        out.wide = true;
+        (out.wide, out.finds_north) = (true, true);
         out.ask(
             &format!(
                 "alignment = {{ method = \"in-motion\"{velocity}{gap}, duration = \"{duration} s\", \

@@ -17,6 +17,10 @@ pub struct Text {
     pub relative: bool,
     /// Set if an alignment at rest finds north by the gyros.
     pub aligned_at_rest: bool,
+    /// Set if an alignment at rest or in motion does.
+    pub finds_north: bool,
+    /// Other answers to a question, between which the samples decide.
+    pub alternatives: Vec<String>,
     /// Time at which the alignment begins, s, if not at the first sample.
     pub begin: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! First page of a comparison for a viewer, as Markdown: verdicts, and what differs.
+//! First page of a comparison for a viewer, as Markdown: what differs, and the verdicts.
 
 use super::{Comparison, RunResult};
 use std::fmt::Write;
@@ -6,12 +6,25 @@ use std::fmt::Write;
 /// Number of states on the page.
 const STATES: usize = 6;
 
-/// Writes the page: the runs with their verdicts, the keys that differ, and the states that differ
-/// most.
+/// Writes the page: the states that differ most, the keys that differ, and the runs with their
+/// verdicts.
 pub fn page(comparison: &Comparison) -> String {
     let mut page = String::new();
     let letters: Vec<&str> = comparison.runs.iter().map(|r| r.letter.as_str()).collect();
     let _ = writeln!(page, "# {}\n", letters.join(" against "));
+    let first = letters.first().copied().unwrap_or_default();
+    states(&mut page, comparison, first);
+    page.push_str("\n### Keys that differ\n\n");
+    if comparison.scenario.is_empty() {
+        page.push_str("The scenarios are equal.\n");
+    } else {
+        head(&mut page, "key", &letters);
+    }
+    for key in &comparison.scenario {
+        let values = key.values.iter().map(|v| v.as_deref().unwrap_or("not set"));
+        cells(&mut page, &key.key, values);
+    }
+    page.push_str("\n### Runs\n\n");
     head(&mut page, "", &letters);
     let mut row = |name: &str, value: &dyn Fn(&RunResult) -> Option<String>| {
         let values: Vec<Option<String>> = comparison.runs.iter().map(value).collect();
@@ -26,17 +39,6 @@ pub fn page(comparison: &Comparison) -> String {
     row("horizontal error at the end", &|r| metres(r.final_error_m));
     row("horizontal error, rms", &|r| metres(r.rms_error_m));
     row("warnings and errors", &|r| Some(r.warnings.to_string()));
-    page.push_str("\n### Keys that differ\n\n");
-    if comparison.scenario.is_empty() {
-        page.push_str("The scenarios are equal.\n");
-    } else {
-        head(&mut page, "key", &letters);
-    }
-    for key in &comparison.scenario {
-        let values = key.values.iter().map(|v| v.as_deref().unwrap_or("not set"));
-        cells(&mut page, &key.key, values);
-    }
-    states(&mut page, comparison, letters.first().copied().unwrap_or_default());
     page
 }
 

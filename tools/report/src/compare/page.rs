@@ -28,17 +28,16 @@ pub fn comparison(
         header {
             h1 { (title) }
             nav {
-                a href="#runs" { "Runs" } a href="#differs" { "What differs" }
+                a href="#differs" { "What differs" } a href="#runs" { "Runs" }
                 a href="#sensors" { "Sensors" } a href="#states" { "States" }
                 a href="#figures" { "Figures" }
             }
         }
         main {
-            section #runs { h2 { "Runs" } (runs(comparison)) }
             section #differs {
                 h2 { "What differs" }
-                (keys(comparison))
                 (differences(comparison, first))
+                (keys(comparison))
                 @if let Some(figure) = largest {
                     (picture(&untitled(figure), &html! {
                         "The states that differ most, all on one scale. Sigma: of the difference of "
@@ -46,6 +45,7 @@ pub fn comparison(
                     })?)
                 }
             }
+            section #runs { h2 { "Runs" } (runs(comparison)) }
             section #sensors { h2 { "Sensors" } (sensors(comparison)) }
             section #states {
                 h2 { "States at the end" }
