@@ -20,6 +20,7 @@ mod detection;
 mod diagnose;
 mod diagnose_recorded;
 mod export;
+mod gallery;
 mod import;
 mod import_layouts;
 mod live;
