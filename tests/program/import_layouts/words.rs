@@ -74,6 +74,41 @@ fn a_late_log_in_a_file_of_its_own_has_a_clock_that_the_filter_finds() {
     assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{sigma:?}");
 }
 
+/// A log whose axes point up or to the left, also of one that is mounted at 45 deg, by the depth and the accelerations.
+#[test]
+fn a_log_whose_axes_point_up_or_to_the_left_is_turned_by_the_motion() {
+    let recorded = simulated(DIVE);
+    let headings = "time,Surge,Sway,Heave";
+    let logs = [
+        Table { headings, cells: |v, _| list(&[v[0], v[1], -v[2]]) },
+        Table { headings, cells: |v, _| list(&[v[0], -v[1], v[2]]) },
+        Table { headings, cells: |v, _| list(&[v[0], -v[1], -v[2]]) },
+        Table {
+            headings,
+            cells: |v, _| {
+                let half = std::f64::consts::FRAC_1_SQRT_2;
+                list(&[half * (v[0] + v[1]), half * (v[0] - v[1]), -v[2]])
+            },
+        },
+    ];
+    for (k, log) in logs.iter().enumerate() {
+        let sigma = dive(&recorded, log, &DEPTH);
+        assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{k}: {sigma:?}");
+    }
+}
+
+/// The IMU counts in GPS time, and log and depth in UTC.
+#[test]
+fn a_log_and_a_depth_that_lack_the_leap_seconds_of_the_imu_are_shifted() {
+    let mut recorded = simulated(DIVE);
+    for sensor in ["dvl", "depth"] {
+        let rows = recorded.get_mut(sensor).expect("a sensor");
+        rows.iter_mut().for_each(|(nanos, _)| *nanos -= 18_000_000_000);
+    }
+    let sigma = dive(&recorded, &LOG, &DEPTH);
+    assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{sigma:?}");
+}
+
 /// Headings of a car, with what its rates are divided by.
 const CARS: [(&str, f64); 3] = [
     (

@@ -30,7 +30,7 @@ const QUARTER: f64 = 0.35;
 /// taken: 1e5 : 1.
 const EVIDENT: f64 = 23.0;
 /// The same for the order of latitude and longitude that no heading gives: 1e2 : 1.
-const EITHER: f64 = 9.2;
+pub const EITHER: f64 = 9.2;
 
 /// The turn about the vertical by which two vectors differ, rad, with its 1-sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -306,16 +306,35 @@ fn sensed(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<(Turn, f
 /// The turn from the axes of a velocity log, whose rows have time and velocity forward, right and
 /// down, to the axes of an inertial unit.
 pub fn of_log(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> Option<Turn> {
+    log_sums(imu, force, rows, 1.0)?.turn()
+}
+
+/// Twice the logarithm of the likelihood ratio by which the second axis of a velocity log points the other way: its
+/// axes and those of an inertial unit are no turn of each other then. Zero where the motion does not show it.
+pub fn against_right(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> f64 {
+    let cost = |sign: f64| {
+        let sums = log_sums(imu, force, rows, sign).filter(|sums| sums.count >= LEAST)?;
+        // the pairs overlap: half of them are independent, with two accelerations each
+        Some((sums.count as f64 * sums.rest().ln(), sums.turn()))
+    };
+    match cost(1.0).zip(cost(-1.0)) {
+        Some(((own, _), (other, Some(_)))) => own - other,
+        _ => 0.0,
+    }
+}
+
+/// The sums for the turn of a velocity log whose second axis has a sign.
+fn log_sums(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]], sign: f64) -> Option<Sums> {
     let axis = down(force)?;
     let mut sums = Sums::default();
     for [a, b] in pairs(rows) {
         let Some((f, turned)) = inertial(imu, a[0], b[0], axis) else { continue };
-        let [x, y] = [1, 2].map(|k| 0.5 * (a[k] + b[k]));
+        let [x, y] = [0.5 * (a[1] + b[1]), 0.5 * sign * (a[2] + b[2])];
         // in axes that turn: f = dv/dt + w x v
-        let change = [b[1] - a[1] - turned * y, b[2] - a[2] + turned * x];
+        let change = [b[1] - a[1] - turned * y, sign * (b[2] - a[2]) + turned * x];
         sums.add(change, f);
     }
-    sums.turn()
+    Some(sums)
 }
 
 #[cfg(test)]

@@ -99,10 +99,10 @@ impl Beams {
         rows.iter().map(velocity).collect()
     }
 
-    /// The correlation of the velocity down with the rate of a depth.
-    pub fn sinks(&self, rows: &[Row], depth: &[[f64; 2]]) -> Option<f64> {
+    /// The share of the velocity down in the rate of a depth.
+    pub fn sinks(&self, rows: &[Row], depth: &[[f64; 2]], imu: &Inertial) -> Option<f64> {
         let azimuth = self.candidates(rows).into_iter().next()?;
-        vertical::sinks(&self.velocities(&azimuth, rows), depth)
+        vertical::sinks(&self.velocities(&azimuth, rows), depth, imu)
     }
 
     /// The beams in the vehicle; `None` if the motion does not show them.

@@ -1,6 +1,6 @@
 //! The axes of a velocity log: upwards or downwards by a depth, and turned by the accelerations of the IMU.
 
-use crate::axes::{self, Turn};
+use crate::axes::{self, EITHER, Turn};
 use crate::recording::Recording;
 use crate::samples::find;
 use crate::stream::StreamSurvey;
@@ -8,14 +8,31 @@ use crate::stream::StreamSurvey;
 /// Yaw of a velocity log, rad, from which it is no error of the mounting: 3 deg.
 const MOUNTED: f64 = 0.052;
 impl Recording {
-    /// Turns a velocity log whose third velocity is positive upwards, by the depth.
+    /// Turns the axes of a velocity log that point up, by the depth, or to the left, by the accelerations.
     pub fn turn_log(&mut self, streams: &[StreamSurvey]) -> bool {
-        let up = find(streams, "dvl").and_then(|s| s.sinks).is_some_and(|sinks| sinks < 0.0);
-        let part = self.part_mut("dvl").filter(|p| up && p.found.beams.is_none());
+        let Some(log) = find(streams, "dvl") else { return false };
+        let up = log.sinks.is_some_and(|sinks| sinks < 0.0);
+        let (axes, text) = match up {
+            // forward, left, up is the usual set with a third axis that points up
+            true if log.against_right < -EITHER => (
+                ["x", "y", "-z"],
+                "its third velocity is positive upwards, by the depth, and its second one to the right, by the \
+                 accelerations: z is turned",
+            ),
+            true => (
+                ["x", "-y", "-z"],
+                "its third velocity is positive upwards, by the depth: forward, left, up is assumed, and y and \
+                 z are turned",
+            ),
+            false if log.against_right > EITHER => (
+                ["x", "-y", "z"],
+                "its second velocity is positive to the left, by the accelerations: y is turned",
+            ),
+            false => return false,
+        };
+        let part = self.part_mut("dvl").filter(|p| p.found.beams.is_none());
         let Some(part) = part.filter(|p| p.samples.axes.is_none()) else { return false };
-        part.samples.axes = Some(["x", "-y", "-z"].map(str::to_owned));
-        let text = "its third velocity is positive upwards, by the depth: forward, left, up is assumed, \
-                    and y and z are turned";
+        part.samples.axes = Some(axes.map(str::to_owned));
         part.found.questions.push(text.to_owned());
         self.notes.push(format!("dvl: {text}"));
         true

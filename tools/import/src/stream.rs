@@ -76,8 +76,11 @@ pub struct StreamSurvey {
     pub earth: Option<bool>,
     /// The beams of a log whose velocities are along them.
     pub aimed: Option<Aimed>,
-    /// Correlation of the third velocity of a log with the rate of the depth, where it is no chance.
+    /// Share of the third velocity of a log in the rate of the depth, where it is no chance.
     pub sinks: Option<f64>,
+    /// Twice the logarithm of the likelihood by which the accelerations are those of a log whose second axis points the
+    /// other way.
+    pub against_right: f64,
 }
 
 /// The motion that a sensor measures, for the comparison of clocks.
@@ -367,6 +370,7 @@ pub fn survey(
                 mirrored: [false; 2],
                 earth: None,
                 sinks: None,
+                against_right: 0.0,
                 aimed: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
@@ -436,13 +440,14 @@ fn compare(running: &mut [Running], beams: Option<&Beams>) {
     });
     for one in running {
         if let (Motion::Beams(_, rows), Some(beams)) = (&one.motion, beams) {
-            one.survey.sinks = depth.as_ref().and_then(|depth| beams.sinks(rows, depth));
+            one.survey.sinks =
+                depth.as_ref().and_then(|depth| beams.sinks(rows, depth, imu.as_they_are()));
             one.survey.aimed = force.and_then(|force| beams.aim(rows, imu.as_they_are(), force));
         }
         let Some(measured) = one.motion.measured() else { continue };
         one.survey.clock = clocks::compare(imu.as_they_are(), measured);
         if let (Measured::Velocity(log), Some(depth)) = (measured, &depth) {
-            one.survey.sinks = vertical::sinks(log, depth);
+            one.survey.sinks = vertical::sinks(log, depth, imu.as_they_are());
         }
         match (force, measured) {
             (Some(force), Measured::Ground(rows)) => {
@@ -451,6 +456,7 @@ fn compare(running: &mut [Running], beams: Option<&Beams>) {
             }
             (Some(force), Measured::Velocity(rows)) => {
                 one.survey.turn = axes::of_log(imu.as_they_are(), force, rows);
+                one.survey.against_right = axes::against_right(imu.as_they_are(), force, rows);
                 let down = axes::down(force);
                 one.survey.earth = down.and_then(|d| earth::turns(imu.as_they_are(), d, rows));
             }

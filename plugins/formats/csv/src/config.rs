@@ -232,8 +232,8 @@ pub struct TimeColumn {
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
     /// Form of the time: `number` (default), `date-time` for text such as 2022-06-01T08:30:00.25Z,
-    /// 2022-06-01 10:30:00.25+02:00 or 2022/06/01 08:30:00.25, `time-of-day` for 08:30:00.25, which
-    /// counts from midnight, `matlab` for days since the year 0 (`datenum`), or `excel` for days since
+    /// 2022-06-01 10:30:00.25+02:00, 2022/06/01 08:30:00.25 or 2022/06/01 8:30:00.25 AM, `time-of-day`
+    /// for 08:30:00.25 or 083000.25, which counts from midnight, `matlab` for days since the year 0 (`datenum`), or `excel` for days since
     /// 1899-12-30.
     #[serde(default)]
     pub format: TimeFormat,

@@ -43,7 +43,7 @@ pub use folder::is_folder;
 pub use labelled::records;
 pub use sink::CsvSink;
 pub use table::Table;
-pub use text::text;
+pub use text::{text, ungrouped};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -143,7 +143,7 @@ impl TimeCell {
                 "a decimal number is needed"
             }
             Form::Date(..) => "a date such as 2022-06-01T08:30:00.25Z is needed",
-            Form::Day => "a time of the day such as 08:30:00.25 is needed",
+            Form::Day => "a time of the day such as 08:30:00.25 or 083000.25 is needed",
         }
     }
 
@@ -244,15 +244,41 @@ fn minute_of(cells: [&[u8]; 5]) -> Option<i64> {
     Calendar { year, month, day, hour, minute, second: 0, nanos: 0 }.unix_nanos()
 }
 
-/// Nanoseconds since midnight of a text such as `08:30:00.25`.
+/// Nanoseconds since midnight of a text such as `08:30:00.25`, `8:30:00.25 AM` or `083000.25`.
 fn time_of_day(text: &str) -> Option<i64> {
     // pandas writes a span as `0 days 08:30:00.25`
     let (days, text) = text.split_once(" days ").unwrap_or(("0", text));
     let days = days.parse::<i64>().ok().filter(|days| (0..10_000).contains(days))?;
-    let mut parts = text.splitn(3, ':');
-    let (hour, minute) = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
-    let (second, nanos) = calendar::decimal_seconds(parts.next()?.as_bytes())?;
-    calendar::time_of_day(hour, minute, second, nanos).map(|time| days * DAY + time)
+    let (text, half) = of_twelve(text.as_bytes());
+    let text = std::str::from_utf8(text).ok()?;
+    let (hour, minute, seconds) = match text.split_once(':') {
+        Some((hour, rest)) => {
+            let (minute, seconds) = rest.split_once(':')?;
+            (hour.parse().ok()?, minute.parse().ok()?, seconds)
+        }
+        None => {
+            let digits = text.find('.').unwrap_or(text.len());
+            let whole = text.get(..digits)?.parse::<u32>().ok().filter(|_| digits == 6)?;
+            let [hour, minute] = [whole / 10_000, whole / 100 % 100].map(u8::try_from);
+            (hour.ok()?, minute.ok()?, text.get(4..)?)
+        }
+    };
+    let (second, nanos) = calendar::decimal_seconds(seconds.as_bytes())?;
+    calendar::time_of_day(hour, minute, second, nanos).map(|time| days * DAY + half + time)
+}
+
+/// A time of the day without its `AM` or `PM`, and the nanoseconds that these add to it: half a day to one after
+/// noon, and less half a day to one of the hour 12 before noon.
+fn of_twelve(time: &[u8]) -> (&[u8], i64) {
+    let time = time.trim_ascii();
+    let Some((rest, [half, b'M' | b'm'])) = time.split_last_chunk::<2>() else { return (time, 0) };
+    let (rest, twelve) = (rest.trim_ascii(), time.starts_with(b"12"));
+    match (half, twelve) {
+        (b'P' | b'p', false) => (rest, DAY / 2),
+        (b'A' | b'a', true) => (rest, -DAY / 2),
+        (b'P' | b'p' | b'A' | b'a', _) => (rest, 0),
+        _ => (time, 0),
+    }
 }
 
 /// A text of bounded length.
@@ -291,8 +317,8 @@ fn date_and_time(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> 
         text.push(part)?;
         text.push(end)?;
     }
-    let time = time.trim_ascii();
+    let (time, half) = of_twelve(time);
     text.push(time.strip_suffix(b" UTC").unwrap_or(time))?;
     let (nanos, has_time) = calendar::parse(std::str::from_utf8(&text.bytes[..text.length]).ok()?)?;
-    has_time.then_some(nanos)
+    has_time.then(|| nanos.checked_add(half)).flatten()
 }

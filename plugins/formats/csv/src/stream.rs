@@ -1,5 +1,7 @@
 //! The samples of one file.
 
+mod trailer;
+
 use crate::bounded::{Bounded, Form};
 use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
 use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
@@ -68,6 +70,8 @@ pub struct Stream {
     counter: Counter,
     /// Set if a row that repeats the last sample is none, and this sample.
     changes_only: bool,
+    /// Set if commas separate the cells.
+    comma: bool,
     last: Option<Sample>,
     end: Option<Time>,
     unused: Tally,
@@ -156,6 +160,7 @@ impl Stream {
             nan: config.nan,
             counter: Counter::default(),
             changes_only: config.changes_only,
+            comma: config.delimiter == Delimiter::default(),
             last: None,
             end: None,
             unused: Tally::default(),
@@ -382,9 +387,8 @@ impl Stream {
 impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
-            self.reader.get_mut().begin_row();
             let line = self.reader.position().line();
-            let more = self.reader.read_byte_record(&mut self.record);
+            let more = self.read_row();
             let row = |e| StreamError::read(&self.path, e).on_line(line);
             if !more.map_err(row)? {
                 return Ok(false);
@@ -403,6 +407,13 @@ impl Source for Stream {
                             "{}:{line}: the file ends within this line, which is not used: \
                              was it cut off?",
                             self.path.display()
+                        ));
+                        return Ok(false);
+                    }
+                    if let Some(lines) = self.trailer() {
+                        let (path, last) = (self.path.display(), line + lines as u64 - 1);
+                        self.cut = Some(format!(
+                            "{path}: the lines {line} to {last} at the end are no rows and are not used"
                         ));
                         return Ok(false);
                     }

@@ -16,9 +16,38 @@ pub fn text(bytes: &[u8]) -> Cow<'_, str> {
     bytes.split_inclusive(|b| *b == b'\n').map(line).collect::<String>().into()
 }
 
+/// A number whose digits stand in groups of three, such as `1,234.5`, without the commas; `None` for any other cell.
+#[must_use]
+pub fn ungrouped(cell: &[u8]) -> Option<Vec<u8>> {
+    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
+    let whole = digits.split(|b| *b == b'.').next()?;
+    let mut groups = whole.split(|b| *b == b',');
+    let first = groups.next()?;
+    let number = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
+    let begins = (1..=3).contains(&first.len()) && first[0] != b'0' && number(first);
+    let fits = begins && groups.all(|group| group.len() == 3 && number(group));
+    let grouped = fits && whole.len() > first.len() && !digits[whole.len()..].contains(&b',');
+    grouped.then(|| cell.iter().copied().filter(|b| *b != b',').collect())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::text;
+    // a failed test may panic
+    #![allow(clippy::unwrap_used)]
+    use super::{text, ungrouped};
+
+    #[test]
+    fn groups_of_three_digits_are_one_number_and_other_commas_are_none() {
+        let number = |cell: &str| ungrouped(cell.as_bytes()).map(|n| String::from_utf8(n).unwrap());
+        assert_eq!(number("-1,234,010.25").as_deref(), Some("-1234010.25"));
+        assert_eq!(number("12,345").as_deref(), Some("12345"));
+        // decimal commas, lists, and a number without groups
+        for cell in
+            ["0,123", "9,81", "1,2,3", "1234", "1,2345", "1,234,", "1.5,234", "", ",123", "-"]
+        {
+            assert_eq!(number(cell), None, "{cell}");
+        }
+    }
 
     #[test]
     fn lines_are_in_utf_8_or_in_latin_1() {

@@ -8,6 +8,7 @@ pub mod mounted;
 mod positions;
 mod senses;
 mod times;
+mod untidy;
 
 use crate::import_layouts::Recorded;
 use navfuse_core::state::geodesy::Geodetic;
@@ -191,4 +192,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&clocks::PROGRAMS)
         .chain(&mounted::PROGRAMS)
         .chain(&binary::PROGRAMS)
+        .chain(&untidy::PROGRAMS)
 }

@@ -17,6 +17,8 @@ pub struct Inertial {
     sums: [f64; 7],
     /// Time and sums.
     rows: Vec<[f64; 8]>,
+    /// The vector down at the times of the rows.
+    downs: Vec<[f32; 3]>,
     /// Least interval of rows, s.
     spacing: f64,
 }
@@ -28,6 +30,15 @@ pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     let norm = a.iter().map(|x| x * x).sum::<f64>().sqrt();
     (norm > 0.0 && norm.is_finite()).then(|| a.map(|x| x / norm))
+}
+
+/// Removes every other element, from the second on.
+fn every_other<T>(rows: &mut Vec<T>) {
+    let mut keep = false;
+    rows.retain(|_| {
+        keep = !keep;
+        keep
+    });
 }
 
 impl Inertial {
@@ -58,15 +69,13 @@ impl Inertial {
         }
         if self.rows.last().is_none_or(|row| time - row[0] >= self.spacing) {
             if self.rows.len() >= ROWS {
-                let mut keep = false;
-                self.rows.retain(|_| {
-                    keep = !keep;
-                    keep
-                });
+                every_other(&mut self.rows);
+                every_other(&mut self.downs);
                 self.spacing = (2.0 * self.spacing).max(2.0 * interval);
             }
             let s = self.sums;
             self.rows.push([time, s[0], s[1], s[2], s[3], s[4], s[5], s[6]]);
+            self.downs.push(down.map(|x| x as f32));
         }
     }
 
@@ -78,6 +87,12 @@ impl Inertial {
     /// Times of the first and the last row.
     pub fn span(&self) -> Option<[f64; 2]> {
         Some([self.rows.first()?[0], self.rows.last()?[0]])
+    }
+
+    /// The unit vector down in the axes of the body at a time; `None` after the last row.
+    pub fn down_at(&self, time: f64) -> Option<[f64; 3]> {
+        let after = self.rows.partition_point(|row| row[0] < time);
+        self.downs.get(after).map(|down| down.map(f64::from))
     }
 
     /// The integrals at a time, between two rows: three angles, three velocities, and the angle about

@@ -144,10 +144,39 @@ impl Table<'_> {
         Some(Clock { key: Some(key), seconds, questions: vec![question] })
     }
 
+    /// A time of the day as one number, hhmmss: six digits of which no hour, minute or second is too large, in a column
+    /// of UTC, with a zero before the first hour, or with a jump from one minute to the next.
+    fn packed(&self, k: usize, values: &[f64]) -> Option<Clock> {
+        let second = |v: f64| {
+            let parts = [(v / 1e4).floor(), (v / 100.0).floor() % 100.0, v % 100.0];
+            let [hour, minute, second] = parts;
+            let fits = hour < 24.0 && minute < 60.0 && second < 60.0 && hour >= 0.0;
+            fits.then_some((hour * 60.0 + minute) * 60.0 + second)
+        };
+        let seconds: Vec<f64> = values.iter().map(|v| second(*v)).collect::<Option<_>>()?;
+        let cells = || self.layout.rows.iter().filter_map(|row| row.get(k));
+        let digits = |cell: &str| cell.split('.').next().map_or(0, str::len);
+        let jump = |values: &[f64]| values.windows(2).map(|v| v[1] - v[0]).fold(0.0, f64::max);
+        let utc =
+            words(self.heading(k)).iter().any(|word| ["utc", "hhmmss"].contains(&word.as_str()));
+        let evident = utc
+            || cells().any(|cell| cell.starts_with('0'))
+            || (jump(values) > 40.0 && jump(&seconds) < 40.0);
+        if !evident || !cells().all(|cell| digits(cell) == 6) {
+            return None;
+        }
+        let heading = self.heading(k);
+        let question =
+            format!("the time {heading} is one of the day, hhmmss: it counts from midnight");
+        let key = format!("time = {{ column = {}, format = \"time-of-day\" }}", quoted(heading));
+        Some(Clock { key: Some(key), seconds, questions: vec![question] })
+    }
+
     /// A time that is a number.
     fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
         let (heading, values) = (self.heading(k), self.layout.column(k));
-        if let Some(clock) = self.days(heading, &values, usual) {
+        let clock = self.days(heading, &values, usual).or_else(|| self.packed(k, &values));
+        if let Some(clock) = clock {
             return clock;
         }
         let stated =

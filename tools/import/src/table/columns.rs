@@ -1,7 +1,7 @@
 //! The columns of a table for the channels of its sensors, with the units that the numbers show.
 
 use super::layout::Layout;
-use super::units::{self, AID_INTERVAL, IMU_INTERVAL};
+use super::units::{self, AID_INTERVAL, IMU_INTERVAL, settle};
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
 use navfuse_core::document::quoted;
@@ -15,7 +15,7 @@ pub(super) const DVEL: [&str; 3] = ["dvel_x", "dvel_y", "dvel_z"];
 const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
 const FIX: [&str; 9] =
     ["lat", "lon", "height", "vel_n", "vel_e", "vel_d", "h_acc", "v_acc", "s_acc"];
-const ECEF: [&str; 3] = ["x_ecef", "y_ecef", "z_ecef"];
+pub(super) const ECEF: [&str; 3] = ["x_ecef", "y_ecef", "z_ecef"];
 /// Headings of a column by which a row counts as valid, with its least value.
 const VALID: [(&str, f64); 10] = [
     ("fix", 1.0),
@@ -77,6 +77,7 @@ impl<'a> Table<'a> {
         let mut table = Self { layout, columns, questions };
         table.down_beside_forward();
         table.name_axes(name);
+        table.name_earth_fixed();
         table
     }
 
@@ -135,7 +136,7 @@ impl<'a> Table<'a> {
         channels.iter().all(|channel| self.find(channel).is_some())
     }
 
-    fn values(&self, channel: &str) -> Vec<f64> {
+    pub(super) fn values(&self, channel: &str) -> Vec<f64> {
         self.find(channel).map(|(k, _)| self.layout.column(*k)).unwrap_or_default()
     }
 
@@ -294,6 +295,9 @@ impl<'a> Table<'a> {
         }
         let angles = channels.contains(&"lat") && self.has(&["lat"]);
         let place = angles.then(|| self.place(&mut questions));
+        let by_track = place.as_ref().and_then(|(unit, scale, minutes)| {
+            self.by_track(units::factor(unit) * scale, *minutes)
+        });
         // a velocity down alone is no velocity of a receiver
         let moves = self.has(&["vel_n", "vel_e"]) || self.has(&["speed", "course"]);
         let whole = moves || !channels.contains(&"vel_n");
@@ -333,6 +337,21 @@ impl<'a> Table<'a> {
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
+                (Some((_, scale, _)), "h_acc" | "v_acc" | "s_acc")
+                    if *scale != 1.0 && stated.is_none() =>
+                {
+                    // the message NAV-PVT of u-blox; the eph of others is no length
+                    let unit = if *channel == "s_acc" { "mm/s" } else { "mm" };
+                    if !heading.to_lowercase().starts_with("ep") {
+                        source.extend(self.key(word, channel, Some(unit), &mut questions));
+                    }
+                }
+                (Some(_), "vel_n" | "vel_e" | "vel_d") if by_track.is_some() => {
+                    let unit = by_track
+                        .clone()
+                        .map(|shown| settle(heading, stated, shown, true, &mut questions));
+                    source.extend(self.key(word, channel, unit.as_deref(), &mut questions));
+                }
                 (Some(_), "height") if self.geoid().is_some() => {
                     source.extend(self.above_geoid(&mut questions));
                 }
@@ -350,7 +369,7 @@ impl<'a> Table<'a> {
             }
         }
         let along = channels.contains(&"vel_n") && !self.has(&["vel_n"]);
-        let course = if along { self.course() } else { Vec::new() };
+        let course = if along { self.course(by_track, &mut questions) } else { Vec::new() };
         let velocity = self.has(&["vel_n", "vel_e"]) || !course.is_empty();
         source.extend(course);
         Found { kind, source, questions, velocity, ..Found::default() }
@@ -381,26 +400,6 @@ impl<'a> Table<'a> {
         };
         let beside = y == x + 1 && z == x + 2;
         if beside { ["lat", "lon", "height"].map(key).to_vec() } else { Vec::new() }
-    }
-
-    /// The keys of a velocity that is a speed over ground with a course.
-    fn course(&self) -> Vec<String> {
-        let Some(((speed, meaning), (course, angle))) = self.find("speed").zip(self.find("course"))
-        else {
-            return Vec::new();
-        };
-        let degrees = angle.unit.as_deref().is_none_or(|unit| unit == "deg");
-        if !degrees || turned(&self.layout.column(*course)) != "deg" {
-            return Vec::new();
-        }
-        let (heading, unit) = (self.heading(*speed), meaning.unit.clone());
-        let more = format!(", course = {}", quoted(self.heading(*course)));
-        let key = |channel: &str| {
-            let unit = unit.clone().unwrap_or_else(|| "m/s".to_owned());
-            let more = more.clone();
-            Chosen { heading, unit, scale: 1.0, minutes: false, more, usual: false }.key(channel)
-        };
-        ["vel_n", "vel_e"].into_iter().filter_map(key).collect()
     }
 
     /// Unit and factor of latitude and longitude, and `true` for degrees with minutes.
@@ -437,7 +436,7 @@ impl<'a> Table<'a> {
 }
 
 /// The unit of an angle by its range.
-fn turned(values: &[f64]) -> &'static str {
+pub(super) fn turned(values: &[f64]) -> &'static str {
     let largest = values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
     if largest > 6.3 { "deg" } else { "rad" }
 }

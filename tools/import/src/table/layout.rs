@@ -60,7 +60,13 @@ fn uncommented(line: &str) -> Option<(char, &str)> {
 }
 
 fn split(line: &str, delimiter: Option<char>) -> Vec<String> {
-    let clean = |cell: &str| cell.trim().trim_matches('"').trim().to_owned();
+    let clean = |cell: &str| {
+        let cell = cell.trim().trim_matches('"').trim();
+        // as the source reads a quoted number between commas
+        let grouped = delimiter == Some(',') && cell.contains(',');
+        let plain = grouped.then(|| navfuse_csv::ungrouped(cell.as_bytes())).flatten();
+        plain.and_then(|n| String::from_utf8(n).ok()).unwrap_or_else(|| cell.to_owned())
+    };
     let Some(delimiter) = delimiter else { return line.split_whitespace().map(clean).collect() };
     // a quotation mark within a cell is a second of an arc
     let (mut quote, mut begins) = (false, true);

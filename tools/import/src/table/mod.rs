@@ -19,6 +19,7 @@ mod place;
 mod plain;
 mod rtklib;
 mod sentinel;
+mod track;
 mod units;
 mod unknown;
 mod vocabulary;

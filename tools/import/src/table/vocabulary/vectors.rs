@@ -51,6 +51,9 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "alpha",
             "gf",
             "gforce",
+            // load factors of an aircraft
+            "n",
+            "loadfactor",
             "beschleunigung",
             "beschl",
             "aceleracion",

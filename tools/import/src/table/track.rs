@@ -1,0 +1,149 @@
+//! What positions show: the unit of the velocity beside them, and coordinates of the Earth without a name.
+
+use super::columns::{Chosen, ECEF, Table, turned};
+use super::units::{self, AID_INTERVAL, Decided, Evidence, settle};
+use super::vocabulary::Meaning;
+use navfuse_core::document::quoted;
+use std::ops::RangeInclusive;
+
+/// Metres of a radian of latitude.
+const RADIAN: f64 = 6.371e6;
+/// Units of a speed.
+const SPEEDS: [&str; 7] = ["m/s", "km/h", "kn", "ft/s", "mi/h", "cm/s", "mm/s"];
+/// Time over which a way is compared, s, and the least number of ways.
+const SPAN: f64 = 5.0;
+const LEAST: usize = 5;
+/// Correlation of ways and velocities from which their ratio is a unit, and the largest error of its logarithm: half of
+/// that between km/h and ft/s.
+const CORRELATED: f64 = 0.9;
+const NEAR: f64 = 0.046;
+/// Distances from the centre of the Earth at which vehicles are, m.
+const SURFACE: RangeInclusive<f64> = 6.33e6..=6.42e6;
+
+impl Table<'_> {
+    /// The unit of the velocity of a receiver by the way between its positions, whose angles have a factor to rad or are
+    /// degrees with minutes; `None` where it is the stated one or the SI unit, or where the positions do not show it.
+    pub(super) fn by_track(&self, factor: f64, minutes: bool) -> Option<Decided> {
+        let angle = |v: f64| match minutes {
+            true => ((v / 100.0).trunc() + (v % 100.0) / 60.0).to_radians(),
+            false => v * factor,
+        };
+        let [lat, lon] = ["lat", "lon"].map(|c| self.values(c).into_iter().map(angle));
+        let place: Vec<[f64; 2]> = lat.zip(lon).map(|(lat, lon)| [lat, lon]).collect();
+        let along = self.find("vel_n").zip(self.find("vel_e"));
+        let over = self.find("speed").zip(self.find("course"));
+        let (velocity, meaning): (Vec<[f64; 2]>, _) = match (along, over) {
+            (Some(((n, meaning), (e, other))), _) => {
+                let column =
+                    |k: usize, sign: f64| self.layout.column(k).into_iter().map(move |v| v * sign);
+                let rows = column(*n, meaning.sign).zip(column(*e, other.sign));
+                (rows.map(|(n, e)| [n, e]).collect(), meaning)
+            }
+            (None, Some(((speed, meaning), (course, _)))) => {
+                let rows = self.layout.column(*speed).into_iter().zip(self.layout.column(*course));
+                let components = |(v, course): (f64, f64)| {
+                    let (sin, cos) = course.to_radians().sin_cos();
+                    [v * cos, v * sin]
+                };
+                (rows.map(components).collect(), meaning)
+            }
+            (None, None) => return None,
+        };
+        let seconds = self.clock(AID_INTERVAL).ok()?.seconds;
+        let ratio = ratio(&seconds, &place, &velocity)?;
+        let distance = |unit: &&str| (ratio / units::factor(unit)).ln().abs();
+        let unit = SPEEDS.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let stated = meaning.unit.as_deref().unwrap_or("m/s");
+        (distance(&unit) < NEAR && !units::same(unit, stated)).then(|| Decided {
+            unit: unit.to_owned(),
+            why: "the positions move as fast".to_owned(),
+            evidence: Evidence::Strong,
+        })
+    }
+
+    /// The keys of a velocity that is a speed over ground with a course.
+    pub(super) fn course(
+        &self,
+        by_track: Option<Decided>,
+        questions: &mut Vec<String>,
+    ) -> Vec<String> {
+        let Some(((speed, meaning), (course, angle))) = self.find("speed").zip(self.find("course"))
+        else {
+            return Vec::new();
+        };
+        let degrees = angle.unit.as_deref().is_none_or(|unit| unit == "deg");
+        if !degrees || turned(&self.layout.column(*course)) != "deg" {
+            return Vec::new();
+        }
+        let (heading, stated) = (self.heading(*speed), meaning.unit.clone());
+        let unit = match by_track {
+            Some(shown) => Some(settle(heading, stated, shown, true, questions)),
+            None => stated,
+        };
+        let more = format!(", course = {}", quoted(self.heading(*course)));
+        let key = |channel: &str| {
+            let unit = unit.clone().unwrap_or_else(|| "m/s".to_owned());
+            let more = more.clone();
+            Chosen { heading, unit, scale: 1.0, minutes: false, more, usual: false }.key(channel)
+        };
+        ["vel_n", "vel_e"].into_iter().filter_map(key).collect()
+    }
+
+    /// Names three columns in a row that are coordinates of the Earth by their distance from its centre, in a table
+    /// without another position.
+    pub(super) fn name_earth_fixed(&mut self) {
+        if self.has(&["lat", "lon"]) || self.has(&ECEF) {
+            return;
+        }
+        let columns: Vec<Vec<f64>> =
+            (0..self.layout.width()).map(|k| self.layout.column(k)).collect();
+        let on_surface = |first: usize| {
+            let far = |row: usize| {
+                let point =
+                    [0, 1, 2].map(|k| columns[first + k].get(row).copied().unwrap_or(f64::NAN));
+                let norm = point.iter().map(|x| x * x).sum::<f64>().sqrt();
+                norm.is_nan().then_some(false).or(Some(SURFACE.contains(&norm)))
+            };
+            let rows = self.layout.rows.len();
+            let fits = (0..rows).filter(|row| far(*row) == Some(true)).count();
+            // a receiver without a fix has zeros
+            rows > 1 && fits as f64 > 0.5 * rows as f64
+        };
+        let Some(first) = (0..columns.len().saturating_sub(2)).find(|k| on_surface(*k)) else {
+            return;
+        };
+        self.columns.retain(|(k, _)| !(first..first + 3).contains(k));
+        let named = |(k, channel)| (first + k, Meaning { channel, unit: None, sign: 1.0, rank: 0 });
+        self.columns.extend(ECEF.into_iter().enumerate().map(named));
+    }
+}
+
+/// The ratio of the way between positions to the integral of a velocity beside them; `None` where they are not
+/// proportional.
+fn ratio(seconds: &[f64], place: &[[f64; 2]], velocity: &[[f64; 2]]) -> Option<f64> {
+    let rows = seconds.iter().zip(place).zip(velocity);
+    let finite = |((t, p), v): &((&f64, &[f64; 2]), &[f64; 2])| {
+        t.is_finite() && p.iter().chain(*v).all(|x| x.is_finite())
+    };
+    let mut before: Option<(f64, [f64; 2])> = None;
+    let (mut from, mut sum) = (None, [0.0; 2]);
+    let (mut count, mut product, mut squares) = (0, 0.0, [0.0; 2]);
+    for ((t, p), v) in rows.filter(finite) {
+        let (last, old) = *before.get_or_insert((*t, *v));
+        let (begin, [lat, lon]) = *from.get_or_insert((*t, *p));
+        sum = [0, 1].map(|k| sum[k] + 0.5 * (old[k] + v[k]) * (t - last));
+        before = Some((*t, *v));
+        if t - begin < SPAN {
+            continue;
+        }
+        let way = [RADIAN * (p[0] - lat), RADIAN * (p[1] - lon) * p[0].cos()];
+        count += 1;
+        for k in 0..2 {
+            product += way[k] * sum[k];
+            squares = [squares[0] + way[k] * way[k], squares[1] + sum[k] * sum[k]];
+        }
+        (from, sum) = (Some((*t, *p)), [0.0; 2]);
+    }
+    let correlation = product / (squares[0] * squares[1]).sqrt();
+    (count >= LEAST && correlation > CORRELATED).then(|| product / squares[1])
+}
