@@ -181,11 +181,14 @@ fn a_depth_that_the_dvl_contradicts_must_not_be_used() {
 
 #[test]
 fn a_scale_factor_beyond_its_prior_is_left_far_behind() {
-    // 3 % is 15 sigma of a prior of 0.2 %
+    // 3 % is 15 sigma of a prior of 0.2 %: the innovations show the error itself
     let verdict = verdict(&["sensor.dvl.scale={ initial = 1, sigma = 0.002, truth = 1.03 }"]);
     assert_eq!(verdict.level, VerdictLevel::DoNotUse, "{verdict:#?}");
-    let text = &reason(&verdict, Criterion::Prior, "dvl.scale").text;
-    assert!(text.contains("sigma from its prior"), "{text}");
+    let text = &reason(&verdict, Criterion::Finding, "dvl").text;
+    let size = text.split_once("dvl.scale k is off its prior by ").map(|(_, size)| size);
+    let size: f64 = size.and_then(|s| s.split(':').next()?.parse().ok()).expect("its size");
+    // the score is 11 sigma, so that the size is known to 9 %; 3.5 of these are a third
+    assert!((size - 0.03).abs() < 0.01, "{text}");
 }
 
 #[test]

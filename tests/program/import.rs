@@ -232,7 +232,8 @@ fn the_snapir_dives_run_by_import() {
 #[test]
 fn recorded_dives_name_the_lever_arm_that_no_file_gives() {
     let Some(data) = snapir() else { return };
-    for (dive, named) in [("T01", true), ("T06", true), ("T10", false), ("T12", false)] {
+    // in T06 the score is 5.3 by the noise that the depth has, below the 6 of a finding
+    for (dive, named) in [("T01", true), ("T06", false), ("T10", false), ("T12", false)] {
         let report = dive_by_import(&data, dive, &[]);
         assert_eq!(report["verdict"]["level"], "consistent", "{dive}: {}", report["verdict"]);
         let report = dive_by_import(&data, dive, &[NO_LEVER_ARM]);

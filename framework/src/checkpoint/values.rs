@@ -17,7 +17,7 @@ macro_rules! numbers {
     };
 }
 
-numbers!(u8, u16, u32, u64, i32, i64, f64);
+numbers!(u8, u16, u32, u64, i32, i64, f32, f64);
 
 impl Saved for bool {
     fn saved(&mut self, io: &mut Io<'_>) {

@@ -200,6 +200,9 @@ impl Ekf {
         }
         let Self { composition, considered, stepper, parts, .. } = self;
         let (interval, estimate) = (Interval { from, to, input }, &mut parts.estimate);
+        if let Some((signatures, input)) = parts.signatures.as_mut().zip(input) {
+            signatures.driven(input.sample, to.since(from));
+        }
         if parts.propagation.step(stepper, composition, considered, estimate, &interval)? {
             self.move_covariance(observer);
         }

@@ -6,7 +6,7 @@ use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::factor::Treated;
 use crate::filter::judge::groups::failing;
 use crate::filter::judge::lockout::{Evidence, GONE, Judged, Largest, Verdict};
-use crate::filter::judge::signature::Signatures;
+use crate::filter::judge::signature::{Explained, Refusal, Signatures, Treatment};
 use crate::filter::judge::slot::SensorSlot;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
@@ -108,7 +108,7 @@ impl Ekf {
         mut nis: f64,
         observer: &mut dyn Observer,
     ) -> Judgement {
-        let Parts { sensors, screening, .. } = &mut self.parts;
+        let Parts { sensors, screening, signatures, .. } = &mut self.parts;
         let update = &self.work.update;
         let &Attempt { sample, index, present, .. } = attempt;
         let slot = &sensors[index];
@@ -130,7 +130,13 @@ impl Ekf {
         let slot = &mut sensors[index];
         let (sensor, time, m) = (slot.name.as_str(), sample.time, update.m);
         let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, largest };
+        let isolated = slot.isolation().is_some();
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
+        if let Some(signatures) =
+            signatures.as_mut().filter(|_| !isolated && slot.isolation().is_some())
+        {
+            signatures.isolated();
+        }
         if verdict == Verdict::Follow {
             nis = self.forget(index, nis);
         }
@@ -184,32 +190,48 @@ impl Ekf {
         }
     }
 
-    /// Names an offset of the sensor's clock, where it explains the samples that the gate has refused so
-    /// far, and is about to refuse one more.
-    pub(in crate::filter) fn explain_by_offset(
+    /// Names an offset of the sensor's clock, or an error of the driving sensor, where it explains the
+    /// samples that the gate has refused so far, and is about to refuse one more. Returns the NIS, which
+    /// is smaller if the covariance was widened.
+    pub(in crate::filter) fn explain_by_error(
         &mut self,
         attempt: &Attempt<'_>,
         nis: f64,
         observer: &mut dyn Observer,
-    ) {
-        let Parts { estimate, sensors, signatures, .. } = &mut self.parts;
-        let slot = &mut sensors[attempt.index];
+    ) -> f64 {
+        let Parts { estimate, sensors, signatures, watch, .. } = &mut self.parts;
+        let (update, slot) = (&mut self.work.update, &sensors[attempt.index]);
         let refuses = slot.lockout.at_limit() || slot.isolation().is_some();
-        let passes = nis <= slot.thresholds[self.work.update.m];
-        let Some(signatures) = signatures.as_mut().filter(|_| refuses && !passes) else { return };
+        let passes = nis <= slot.thresholds[update.m];
+        let Some(signatures) = signatures.as_mut().filter(|_| refuses && !passes) else {
+            return nis;
+        };
         if estimate.offset.is_some() {
-            return;
+            return nis;
         }
-        let of = (attempt.index, slot.name.as_str(), slot.lockout.insists());
-        let states = (&estimate.covariance, &self.considered[..]);
-        let (finding, explained) = signatures.explain(of, (&self.layout, &estimate.state), states);
-        if let Some(finding) = finding {
-            observer.finding(finding);
+        let refusing = sensors.iter().filter(|slot| slot.lockout.disagrees()).count();
+        let (sensor, insists) = (attempt.index, slot.lockout.insists());
+        let of = Refusal { sensor, insists, shared: refusing > 1 };
+        let states = (&mut estimate.covariance, &self.considered[..]);
+        let info = |sensor: usize| &self.composition.sensors[sensor].info;
+        match signatures.explain(of, (&self.layout, &estimate.state), states, &info) {
+            Explained::Nothing => return nis,
+            Explained::Offset(finding) => {
+                finding.into_iter().for_each(|finding| observer.finding(finding));
+                sensors[attempt.index].excuse();
+            }
+            Explained::Driver(finding) => {
+                observer.finding(finding);
+                sensors.iter_mut().for_each(SensorSlot::excuse);
+                sensors
+                    .iter_mut()
+                    .filter_map(|slot| slot.bias.as_mut())
+                    .for_each(BiasTest::restart);
+                watch.widened();
+                return update.innovate(&estimate.covariance).unwrap_or(nis);
+            }
         }
-        if explained {
-            slot.lockout.explain();
-            slot.reach.clear();
-        }
+        nis
     }
 
     /// Goes on with the estimate of a filter that has known the offset of the sensor's clock, if one was
@@ -317,7 +339,11 @@ impl Ekf {
             let along = (&at, propagation.transition());
             // as Huber's estimator weighs what is beyond its limit
             let weight = (slot.thresholds[update.m] / judgement.nis).sqrt().min(1.0);
-            signatures.take((attempt.measured(), Some(weight)), model, along, update, lower);
+            let isolated = slot.isolation().is_some();
+            let treatment = Treatment { weight, used: false, calm: false, isolated };
+            let info = &self.composition.sensors[index].info;
+            let taken = (attempt.measured(), treatment);
+            signatures.take(taken, (model, info), along, update, lower);
         }
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, false);

@@ -1,5 +1,5 @@
-//! Score tests for errors that nothing models: a time offset of a sensor, a step of a bias, and a
-//! wrong fixed parameter.
+//! Score tests for errors that nothing models: a time offset of a sensor, a step of a state or of a
+//! channel, and a wrong constant.
 //!
 //! An error of the size `a` gives the innovations the mean `a g`, and moves the error of the state
 //! by `a s`. With the direct effect `d` on the innovation and the gain `K`,
@@ -16,13 +16,21 @@
 //!
 //! An error may begin at any time, so four sums run in parallel, which begin at different times.
 
-mod bias_step;
+mod charts;
 mod contain;
 mod effect;
+mod lanes;
 mod offset;
 mod parameter;
+mod refused;
 mod score;
+mod shift;
+mod shifts;
 mod signatures;
+mod spread;
+mod treatment;
+mod wrong;
 
 pub(in crate::filter) use signatures::Signatures;
 pub(crate) use signatures::untested;
+pub(in crate::filter) use treatment::{Explained, Refusal, Treatment};

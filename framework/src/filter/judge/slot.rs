@@ -165,6 +165,11 @@ impl SensorSlot {
     /// Ends a lock-out that a wider noise explains; the noise follows the innovations from now on.
     pub(in crate::filter) fn explain(&mut self) {
         self.adaptive = true;
+        self.excuse();
+    }
+
+    /// Ends a lock-out that an error of a clock or of the driving sensor explains.
+    pub(in crate::filter) fn excuse(&mut self) {
         self.lockout.explain();
         self.reach.clear();
     }

@@ -9,6 +9,7 @@ use crate::filter::judge::gate::Judgement;
 use crate::filter::judge::groups::failing_alone;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::judge::measured::Measured;
+use crate::filter::judge::signature::Treatment;
 use crate::filter::parts::Parts;
 use crate::filter::transients::seen::Transients;
 use crate::model::estimator_error::EstimatorError;
@@ -70,7 +71,7 @@ impl Ekf {
             return Ok(());
         }
         let nis = self.explain_by_noise(&attempt, nis, observer);
-        self.explain_by_offset(&attempt, nis, observer);
+        let nis = self.explain_by_error(&attempt, nis, observer);
         self.watch_velocity(attempt.index);
         self.weigh(&attempt);
         let doubt = self.doubt(&attempt);
@@ -324,7 +325,11 @@ impl Ekf {
         if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };
             let along = (&at, propagation.transition());
-            signatures.take((attempt.measured(), None), model, along, update, lower);
+            let calm = sensors.iter().all(|slot| !slot.lockout.disagrees());
+            let info = &self.composition.sensors[index].info;
+            let treatment = Treatment { weight: 1.0, used: true, calm, isolated: false };
+            let taken = (attempt.measured(), treatment);
+            signatures.take(taken, (model, info), along, update, lower);
         }
         if let Some(offset) = &mut estimate.offset {
             offset.correct(&mut update.delta);
@@ -337,7 +342,7 @@ impl Ekf {
                 index,
                 (&self.layout, &estimate.state),
                 (&mut estimate.covariance, &self.considered),
-                |sensor| &sensors[sensor].name,
+                &|sensor| &self.composition.sensors[sensor].info,
                 |finding| observer.finding(finding),
             );
             if widened {

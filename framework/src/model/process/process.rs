@@ -238,7 +238,8 @@ impl BuiltProcess {
     }
 
     /// Names a block as a bias of the driving sensor. Where the filter takes it as constant, it tests
-    /// whether the bias steps, and widens the covariance by such a step.
+    /// whether the bias steps, and widens the covariance by such a step. Where the blocks of all biases have as
+    /// many components as the sensor has channels, in their order, it also tests scale factors and axes.
     #[must_use]
     pub fn with_bias<T: Manifold>(mut self, bias: Handle<T>) -> Self {
         self.biases.push(bias.slot());

@@ -186,7 +186,8 @@ impl ProcessType for Strapdown {
         let built = built.driven_by(self.imu, simulator).neglecting(product);
         let built = match screening {
             Some(screening) => {
-                built.screened_by(screening).watched_by(monitor).with_bias(gyro_bias)
+                let built = built.screened_by(screening).watched_by(monitor);
+                built.with_bias(gyro_bias).with_bias(accel_bias)
             }
             None => built,
         };

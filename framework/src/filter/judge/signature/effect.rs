@@ -1,26 +1,31 @@
 //! Effect of an error of unit size on the error states and on the innovations.
 
+use super::lanes::{Carry, See, Seen, Sums, Take, Work};
 use super::score::Score;
 use crate::checkpoint::saved;
 use crate::model::record::finding::Severity;
+use crate::state::Layout;
 use crate::state::covariance::{Covariance, Update};
-use crate::state::{Layout, vectorised};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
+use pulp::Arch;
 
 /// Hypotheses in parallel, which begin at different times.
 pub(super) const SUMS: usize = 4;
+/// Hypothesis that begins again while all sensors agree, so that it runs since just before the gate began to
+/// refuse samples, and the time after which, s.
+pub(super) const RECENT: usize = SUMS - 1;
+pub(super) const CALM: f64 = 2.0;
+/// Hypotheses that are followed together: their sensitivities fill whole vector registers.
+pub(super) const WIDE: usize = 8 * SUMS;
+/// Hypotheses of an offset, which fill one register: [`SUMS`] of them are in use.
+pub(super) const OFFSETS: usize = 8;
 /// Error of a state in units of its sigma at which a run is doubtful, and at which it is useless.
 pub(super) const DOUBTFUL: f64 = 0.5;
 const USELESS: f64 = 2.0;
 
-/// Sensitivity `g` of the channels of a sample.
-pub(super) type Seen = [[f64; SUMS]; MAX_CHANNELS];
-
-/// A row of [`SUMS`] per state.
-type Rows = Vec<[f64; SUMS]>;
-
 /// Innovation of a sample in the forms that all hypotheses share.
+#[derive(Clone, Copy)]
 pub(super) struct Whitened<'a> {
     pub(super) update: &'a Update,
     /// Cholesky factor of `S`.
@@ -32,18 +37,30 @@ pub(super) struct Whitened<'a> {
     pub(super) used: bool,
 }
 
-/// Sensitivity of the error states, and the scores.
-#[derive(Clone, Default)]
-pub(super) struct Effect {
-    pub(super) s: Rows,
-    /// Changes of a step.
-    moved: Rows,
-    /// Scores of the samples that count for the error, and of those that the gate refused as well.
-    pub(super) scores: [Score; SUMS],
-    pub(super) all: [Score; SUMS],
+/// Sensitivity of the error states, and the scores, of `W` hypotheses. The sensitivities have single
+/// precision: their error of 1e-7 is far below the scatter of any score, and twice as many fill a register.
+#[derive(Clone)]
+pub(super) struct Effect<const W: usize> {
+    pub(super) s: Vec<[f32; W]>,
+    work: Work<W>,
+    /// Scores of the samples that count for the error, and of those that the gate refused as well,
+    /// up to the last flush.
+    scores: [Score; W],
+    all: [Score; W],
+    /// Sums since then of all samples, and of those that the gate refused.
+    sums: Sums<W>,
+    gated: Sums<W>,
 }
 
-saved!(Effect { s, moved, scores, all });
+saved!(Effect<1> { s, scores, all, sums, gated } except { work });
+saved!(Effect<OFFSETS> { s, scores, all, sums, gated } except { work });
+saved!(Effect<WIDE> { s, scores, all, sums, gated } except { work });
+
+impl<const W: usize> Default for Effect<W> {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
 
 /// A significant error.
 #[derive(Clone, Copy, Debug)]
@@ -74,196 +91,182 @@ pub(super) fn name(layout: &Layout, row: usize) -> String {
     })
 }
 
-/// `sum := sum + a x`.
-#[inline(always)]
-fn add(sum: &mut [f64; SUMS], a: f64, x: &[f64; SUMS]) {
-    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
-}
-
-impl Effect {
+impl<const W: usize> Effect<W> {
     pub(super) fn new(n: usize) -> Self {
         Self {
-            s: vec![[0.0; SUMS]; n],
-            moved: vec![[0.0; SUMS]; n],
-            scores: [Score::default(); SUMS],
-            all: [Score::default(); SUMS],
+            s: vec![[0.0; W]; n],
+            work: Work::new(n),
+            scores: [Score::default(); W],
+            all: [Score::default(); W],
+            sums: Sums::default(),
+            gated: Sums::default(),
         }
     }
 
-    /// `s := s + (Phi - I) s`, with the elements of `Phi - I`.
-    pub(super) fn carry(&mut self, changes: &[(usize, usize, f64)]) {
-        vectorised(
-            (&mut self.s, &mut self.moved, changes),
-            #[inline(always)]
-            |(s, moved, changes): (&mut Rows, &mut Rows, &[(usize, usize, f64)])| {
-                moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
-                for &(i, j, a) in changes {
-                    add(&mut moved[i], a, &s[j]);
-                }
-                for (s, moved) in s.iter_mut().zip(moved) {
-                    add(s, 1.0, moved);
-                }
-            },
-        );
+    /// One of the hypotheses alone.
+    pub(super) fn alone(&self, sum: usize) -> Effect<1> {
+        Effect {
+            s: self.s.iter().map(|s| [s[sum]]).collect(),
+            scores: [self.used(sum)],
+            all: [self.all(sum)],
+            ..Effect::new(self.s.len())
+        }
+    }
+
+    /// Score of a hypothesis by all samples.
+    pub(super) fn all(&self, sum: usize) -> Score {
+        self.sums.added(sum, self.all[sum])
+    }
+
+    /// Score of a hypothesis by the samples that the gate did not refuse.
+    pub(super) fn used(&self, sum: usize) -> Score {
+        self.sums.less(&self.gated, sum, self.scores[sum])
+    }
+
+    /// Time since which a hypothesis runs.
+    pub(super) fn since(&self, sum: usize) -> Time {
+        self.all[sum].since
+    }
+
+    /// Adds the sums to the scores.
+    fn flush(&mut self) {
+        for sum in 0..W {
+            (self.scores[sum], self.all[sum]) = (self.used(sum), self.all(sum));
+        }
+        (self.sums, self.gated) = (Sums::default(), Sums::default());
+    }
+
+    /// Forgets the samples that the gate refused.
+    pub(super) fn forget_refused(&mut self) {
+        self.flush();
+        self.all = self.scores;
+    }
+
+    /// `s := s + (Phi - I) s`, with the elements of `Phi - I` by row.
+    pub(super) fn carry(&mut self, changes: &[(usize, usize, f32)]) {
+        self.work.fit(self.s.len());
+        Arch::new().dispatch(Carry { s: &mut self.s, work: &mut self.work, changes });
     }
 
     /// `g = H s`.
-    pub(super) fn seen(&self, update: &Update) -> Seen {
-        vectorised(
-            (self, update),
-            #[inline(always)]
-            |(effect, update): (&Self, &Update)| effect.project(update),
-        )
-    }
-
-    #[inline(always)]
-    fn project(&self, update: &Update) -> Seen {
-        let w = update.columns.len();
-        let mut g = [[0.0; SUMS]; MAX_CHANNELS];
-        for (g, h) in g.iter_mut().zip(update.h.chunks_exact(w.max(1))).take(update.m) {
-            let mut sum = [0.0; SUMS];
-            for (&column, h) in update.columns.iter().zip(h) {
-                add(&mut sum, *h, &self.s[column]);
-            }
-            *g = sum;
-        }
-        g
+    pub(super) fn seen(&self, update: &Update, g: &mut Seen<W>) {
+        Arch::new().dispatch(See { s: &self.s, update, g });
     }
 
     /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.
-    pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
-        self.take_along(sample, [g, g]);
+    pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen<W>) {
+        self.take_both(sample, None, g);
     }
 
     /// Adds the innovation to the sums along a sensitivity that is known before the sample, where the
     /// second one is that of the sample, which corrects `s`.
-    pub(super) fn take_along(&mut self, sample: &Whitened<'_>, g: [&Seen; 2]) {
-        vectorised(
-            (self, sample, g),
-            #[inline(always)]
-            |(effect, sample, g): (&mut Self, &Whitened<'_>, [&Seen; 2])| {
-                effect.score_with(sample, g);
-                if sample.used {
-                    effect.correct(sample.update, g[1]);
-                }
-            },
-        );
+    pub(super) fn take_along(&mut self, sample: &Whitened<'_>, [f, g]: [&Seen<W>; 2]) {
+        self.take_both(sample, Some(f), g);
     }
 
-    /// `b := b + w f' S^-1 y`, `i := i + w f' S^-1 f`, `c := c + w f' S^-1 g` for `[f, g]`.
-    #[inline(always)]
-    fn score_with(&mut self, sample: &Whitened<'_>, [f, g]: [&Seen; 2]) {
-        let (m, lower, weight) = (sample.update.m, sample.lower, sample.weight);
-        // L^-1 f and L^-1 g, whose products are f' S^-1 f and f' S^-1 g
-        let mut white = [[[0.0; SUMS]; MAX_CHANNELS]; 2];
-        let (mut b, mut i, mut c) = ([0.0; SUMS], [0.0; SUMS], [0.0; SUMS]);
-        for (row, l) in lower.chunks_exact(m.max(1)).enumerate().take(MAX_CHANNELS) {
-            for (white, g) in white.iter_mut().zip([f, g]) {
-                let mut own = g[row];
-                for (done, l) in white.iter().zip(l).take(row) {
-                    add(&mut own, -l, done);
-                }
-                own.iter_mut().for_each(|own| *own /= l[row]);
-                white[row] = own;
-            }
-            for k in 0..SUMS {
-                i[k] += white[0][row][k] * white[0][row][k];
-                c[k] += white[0][row][k] * white[1][row][k];
-            }
-            add(&mut b, sample.y[row], &f[row]);
-        }
-        for k in 0..SUMS {
-            let [b, i, c] = [b[k], i[k], c[k]].map(|sum| weight * sum);
-            self.all[k].add(b, i, c);
-            if sample.used {
-                self.scores[k].add(b, i, c);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn correct(&mut self, update: &Update, g: &Seen) {
-        for (s, gain) in self.s.iter_mut().zip(update.gain().chunks_exact(update.m.max(1))) {
-            let mut sum = *s;
-            for (gain, g) in gain.iter().zip(g) {
-                add(&mut sum, -gain, g);
-            }
-            *s = sum;
-        }
+    fn take_both(&mut self, sample: &Whitened<'_>, before: Option<&Seen<W>>, g: &Seen<W>) {
+        let Self { s, work, sums, .. } = self;
+        let refused = (!sample.used).then_some(&mut self.gated);
+        Arch::new().dispatch(Take { s, work, sums, refused, sample, before, g });
     }
 
     /// Begins all hypotheses.
     pub(super) fn begin(&mut self, time: Time) {
-        self.scores = [Score::new(time); SUMS];
+        self.flush();
+        self.scores = [Score::new(time); W];
         self.all = self.scores;
     }
 
     /// Ends a span of all scores.
     pub(super) fn end_span(&mut self) {
+        self.flush();
         self.scores.iter_mut().chain(&mut self.all).for_each(Score::end_span);
     }
 
     /// Begins one hypothesis again.
     pub(super) fn renew(&mut self, sum: usize, time: Time) {
+        self.sums.clear(sum);
+        self.gated.clear(sum);
         self.scores[sum] = Score::new(time);
         self.all[sum] = self.scores[sum];
         self.s.iter_mut().for_each(|s| s[sum] = 0.0);
     }
 
+    /// Goes on with one hypothesis in place of another one.
+    pub(super) fn copy(&mut self, from: usize, to: usize) {
+        self.flush();
+        (self.scores[to], self.all[to]) = (self.scores[from], self.all[from]);
+        self.s.iter_mut().for_each(|s| s[to] = s[from]);
+    }
+
     /// Goes on with one hypothesis as the first, whose error was taken off; the others begin again.
     pub(super) fn adopt(&mut self, sum: usize, time: Time) {
+        self.flush();
         self.all[0] = self.all[sum].less(self.all[sum].size());
         self.s.iter_mut().for_each(|s| s[0] = s[sum]);
-        (1..SUMS).for_each(|other| self.renew(other, time));
+        (1..W).for_each(|other| self.renew(other, time));
     }
 
     /// Begins all hypotheses again.
     pub(super) fn restart(&mut self, time: Time) {
-        (0..SUMS).for_each(|sum| self.renew(sum, time));
+        (0..W).for_each(|sum| self.renew(sum, time));
     }
 
-    /// Time at which the newest hypothesis began.
-    pub(super) fn newest(&self) -> Time {
-        self.scores.iter().map(|score| score.since).max().unwrap_or(Time::MIN)
+    /// Time at which the newest of the first hypotheses began.
+    pub(super) fn newest(&self, first: usize) -> Time {
+        self.all[..first].iter().map(|score| score.since).max().unwrap_or(Time::MIN)
     }
 
     /// The most severe error of at least so many sigmas among the hypotheses that count, among equals the
     /// most significant. An error for which the gate refuses samples is doubtful whatever it moves.
     pub(super) fn worst(
         &self,
-        scores: &[Score; SUMS],
         (significant, counts): (f64, impl Fn(usize) -> bool),
+        score: impl Fn(usize) -> Score,
         (covariance, considered): (&Covariance, &[bool]),
         refused: bool,
     ) -> Option<Found> {
         let weight = |f: &Found| (f.severity, f.score.sigmas().abs());
         let mut worst: Option<Found> = None;
-        for (sum, score) in scores.iter().enumerate() {
-            let exceeds = score.sigmas().abs() >= significant;
-            if !exceeds || !counts(sum) {
-                continue;
-            }
-            let error = |i: usize| {
-                let sigma = covariance.get(i, i).sqrt();
-                if sigma > 0.0 && !considered[i] {
-                    (score.size() * self.s[i][sum] / sigma).abs()
-                } else {
-                    0.0
-                }
+        for sum in (0..W).filter(|sum| counts(*sum)) {
+            let states = (covariance, considered);
+            let found = self.found((sum, score(sum)), significant, states, refused);
+            worst = match (worst, found) {
+                (Some(worst), Some(found)) if weight(&worst) >= weight(&found) => Some(worst),
+                (worst, found) => found.or(worst),
             };
-            let (size, row) = (0..considered.len())
-                .map(|i| (error(i), i))
-                .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
-            let severity = match size {
-                e if e >= USELESS => Severity::DoNotUse,
-                e if e >= DOUBTFUL || refused => Severity::Doubtful,
-                _ => continue,
-            };
-            let found = Found { severity, score: *score, sum, size, row };
-            if worst.as_ref().is_none_or(|worst| weight(worst) < weight(&found)) {
-                worst = Some(found);
-            }
         }
         worst
+    }
+
+    /// The error of a hypothesis with its score, if it has at least so many sigmas.
+    pub(super) fn found(
+        &self,
+        (sum, score): (usize, Score),
+        significant: f64,
+        (covariance, considered): (&Covariance, &[bool]),
+        refused: bool,
+    ) -> Option<Found> {
+        let exceeds = score.sigmas().abs() >= significant;
+        if !exceeds {
+            return None;
+        }
+        let error = |i: usize| {
+            let sigma = covariance.get(i, i).sqrt();
+            if sigma > 0.0 && !considered[i] {
+                (score.size() * f64::from(self.s[i][sum]) / sigma).abs()
+            } else {
+                0.0
+            }
+        };
+        let (size, row) = (0..considered.len())
+            .map(|i| (error(i), i))
+            .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
+        let severity = match size {
+            e if e >= USELESS => Severity::DoNotUse,
+            e if e >= DOUBTFUL || refused => Severity::Doubtful,
+            _ => return None,
+        };
+        Some(Found { severity, score, sum, size, row })
     }
 }

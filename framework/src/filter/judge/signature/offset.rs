@@ -6,7 +6,8 @@
 //! martingale for a consistent filter. While the vehicle changes its acceleration, that slope is late, and
 //! `tau = b / c` with the slope up to the sample in `c` is not (an instrumental variable, Wright 1928).
 //!
-//! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
+//! An offset may begin at any time: one sum runs from the start, two begin again in turn, and one begins
+//! again while all sensors agree.
 //! Samples that the gate refuses count as those that it passes, since they show the offset. Where it is
 //! about to refuse one more, an offset that explains those before is named at once: the part of them that
 //! `tau g` leaves is below a quarter.
@@ -21,10 +22,11 @@
 //! innovations, and the covariance contains `s` with the variance of `tau`.
 
 use super::contain::Containment;
-use super::effect::{Effect, Found, SUMS, Seen, Whitened};
+use super::effect::{CALM, Effect, Found, OFFSETS, RECENT, SUMS, Whitened};
+use super::lanes::Seen;
+use super::refused::Refused;
 use super::score::{SPAN, Score};
 use crate::checkpoint::saved;
-use crate::filter::judge::lockout::GONE;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::{Covariance, Update, forward};
@@ -41,54 +43,16 @@ const LINEAR: f64 = SLOPE.1;
 /// Score in sigma at which an offset is significant: while a car with an IMU of MEMS finds its heading,
 /// the curvature of its track gives one of 5.2 in 3 of 200 runs.
 const SIGNIFICANT: f64 = 6.0;
+/// Largest offset in the time for which a sum has seen the slope: the slope has to be seen for longer than the offset, or
+/// each jump of an innovation is one.
+const SHARE: f64 = 0.25;
 /// Score in sigma of what an offset that was taken off leaves, from which on that is taken off as well.
 const LEFT: f64 = 4.0;
-/// Share of refused samples up to which they may be outliers that no offset explains.
-const OUTLIERS: f64 = 0.1;
-
-/// Samples of the sensor, and those of them that the gate refused: their number, `sum y' S^-1 y`, and of
-/// each hypothesis `sum g' S^-1 y` and `sum g' S^-1 g`.
-#[derive(Clone, Copy, Debug, Default)]
-struct Refused {
-    all: f64,
-    count: f64,
-    yy: f64,
-    gy: [f64; SUMS],
-    gg: [f64; SUMS],
-}
-
-saved!(Refused { all, count, yy, gy, gg });
-
-impl Refused {
-    fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
-        self.all += 1.0;
-        if sample.used {
-            return;
-        }
-        let (m, w) = (sample.update.m, sample.weight);
-        let products = sample.update.innovation.iter().zip(&sample.y);
-        self.count += 1.0;
-        self.yy += w * products.map(|(y, white)| y * white).sum::<f64>();
-        for sum in 0..SUMS {
-            let mut own = [0.0; MAX_CHANNELS];
-            own.iter_mut().zip(g).for_each(|(own, g)| *own = g[sum]);
-            self.gy[sum] += w * own.iter().zip(&sample.y).map(|(g, y)| g * y).sum::<f64>();
-            forward(sample.lower, m, &mut own[..m]);
-            self.gg[sum] += w * own[..m].iter().map(|g| g * g).sum::<f64>();
-        }
-    }
-
-    /// Returns `true` if an offset of the size `a` explains the samples, or they are few.
-    fn explained(&self, sum: usize, a: f64) -> bool {
-        let left = self.yy - 2.0 * a * self.gy[sum] + a * a * self.gg[sum];
-        self.count <= OUTLIERS * self.all || left <= GONE * self.yy
-    }
-}
 
 /// Test of one sensor.
 #[derive(Clone, Default)]
 pub(super) struct Offset {
-    effect: Effect,
+    effect: Effect<OFFSETS>,
     /// The next sum to begin again.
     next: usize,
     /// State after the sample at which the slope begins, and the slopes up to the sample before and up
@@ -99,6 +63,8 @@ pub(super) struct Offset {
     /// Set if the next slope begins at the present sample.
     due: bool,
     span: Time,
+    /// Time of the last sample of the sensor.
+    time: Time,
     severity: Option<Severity>,
     refused: Refused,
     /// Offset that is taken off the samples, and its variance.
@@ -118,6 +84,7 @@ saved!(Offset {
     slope,
     due,
     span,
+    time,
     severity,
     refused,
     known,
@@ -168,7 +135,8 @@ pub(super) fn withdrawn(time: Time, sensor: &str) -> Finding {
         time,
         about: sensor.to_owned(),
         severity: Severity::DoNotUse,
-        basis: Basis::Explanation,
+        // it names no error, and one of the driving sensor looks like an offset for a while
+        basis: Basis::Comparison,
         text:
             "its samples contradict the time offset that they fitted before: it was another error, \
                and the filter goes on as if it had not known an offset"
@@ -192,6 +160,7 @@ impl Offset {
             slope: [0.0; MAX_CHANNELS],
             due: false,
             span: Time::MIN,
+            time: Time::MIN,
             severity: None,
             refused: Refused::default(),
             known: 0.0,
@@ -204,18 +173,43 @@ impl Offset {
     /// Returns `true` if the offset of a sum is within the range of the test, and explains what the gate
     /// refused.
     fn counts(&self, sum: usize) -> bool {
-        let score = &self.effect.all[sum];
-        !self.withdrawn && linear(score) && self.refused.explained(sum, score.size())
+        if sum >= SUMS {
+            return false;
+        }
+        let score = self.effect.all(sum);
+        let seen = score.size().abs() <= SHARE * self.refused.seen(sum);
+        seen && !self.withdrawn && linear(&score) && self.refused.explained(sum, score.size())
     }
 
-    pub(super) fn effect(&mut self) -> &mut Effect {
+    pub(super) fn effect(&mut self) -> &mut Effect<OFFSETS> {
         &mut self.effect
     }
 
     /// Score in sigma of the most significant offset within the range of the test.
     pub(super) fn score(&self) -> f64 {
         let sums = (0..SUMS).filter(|sum| self.counts(*sum));
-        sums.fold(0.0, |most, sum| most.max(self.effect.all[sum].sigmas().abs()))
+        sums.fold(0.0, |most, sum| most.max(self.effect.all(sum).sigmas().abs()))
+    }
+
+    /// Score in sigma of the most significant offset, whether it explains what the gate refused or not: no other
+    /// error may be named in its place for that.
+    pub(super) fn rival(&self) -> f64 {
+        let all = (0..SUMS).map(|sum| self.effect.all(sum));
+        let within = all.filter(|score| linear(score) && !self.withdrawn);
+        within.fold(0.0, |most, score| most.max(score.sigmas().abs()))
+    }
+
+    /// Begins one sum again.
+    fn renew(&mut self, sum: usize, time: Time) {
+        self.effect.renew(sum, time);
+        self.refused.renew(sum);
+    }
+
+    /// Begins the sum again that runs since all sensors agreed last.
+    pub(super) fn calm(&mut self, time: Time) {
+        if time.since(self.effect.since(RECENT)) >= CALM {
+            self.renew(RECENT, time);
+        }
     }
 
     /// Takes a sample; `present` has the channels of one of the sensor itself.
@@ -224,18 +218,29 @@ impl Offset {
             self.span = time;
             self.effect.begin(time);
         }
-        let seen = self.effect.seen(sample.update);
+        let mut seen = [[0.0; OFFSETS]; MAX_CHANNELS];
+        self.effect.seen(sample.update, &mut seen);
         let Some(present) = present else { return self.effect.take(sample, &seen) };
         let along = |slope| {
-            let mut g: Seen = seen;
+            let mut g: Seen<OFFSETS> = seen;
             for (row, slope) in rows(slope, present).take(sample.update.m) {
-                g[row].iter_mut().for_each(|g| *g -= slope);
+                g[row].iter_mut().for_each(|g| *g -= slope as f32);
             }
             g
         };
         let (before, now) = (along(&self.before), along(&self.slope));
-        self.refused.take(sample, &now);
+        let last = std::mem::replace(&mut self.time, time);
+        let duration = if last == Time::MIN { 0.0 } else { time.since(last).min(SLOPE.1) };
+        self.refused.take(sample, &now, (self.information(sample, present), duration));
         self.effect.take_along(sample, [&before, &now]);
+    }
+
+    /// Information of a sample about an offset, if the state had been known exactly: `d' S^-1 d`.
+    fn information(&self, sample: &Whitened<'_>, present: u16) -> f64 {
+        let (m, mut d) = (sample.update.m, [0.0; MAX_CHANNELS]);
+        rows(&self.slope, present).take(m).for_each(|(row, slope)| d[row] = slope);
+        forward(sample.lower, m, &mut d[..m]);
+        d[..m].iter().map(|d| d * d).sum()
     }
 
     /// Takes the slope of the prediction up to the state, before the sample there.
@@ -306,14 +311,14 @@ impl Offset {
         let sum = self.adopts.take()?;
         if self.withdrawn {
             let size = -std::mem::take(&mut self.known);
-            let delta = self.effect.s.iter().map(|s| size * s[sum]).collect();
+            let delta = self.effect.s.iter().map(|s| size * f64::from(s[sum])).collect();
             self.restart(time);
             return Some(delta);
         }
-        let score = &self.effect.all[sum];
+        let score = self.effect.all(sum);
         let (size, variance) = (score.size(), score.variance());
         (self.known, self.variance) = (self.known + size, variance);
-        let delta = self.effect.s.iter().map(|s| size * s[sum]).collect();
+        let delta = self.effect.s.iter().map(|s| size * f64::from(s[sum])).collect();
         self.effect.adopt(sum, time);
         self.refused = Refused::default();
         Some(delta)
@@ -322,8 +327,7 @@ impl Offset {
     /// Withdraws the offset that is taken off, if the gate refuses more than a third of the samples since:
     /// it was another error that it fitted.
     pub(super) fn withdraw(&mut self) -> bool {
-        let contradicted = 3.0 * (self.refused.count + 1.0) > self.refused.all;
-        let withdraws = self.compensates() && !self.withdrawn && contradicted;
+        let withdraws = self.compensates() && !self.withdrawn && self.refused.contradicts();
         if withdraws {
             (self.withdrawn, self.adopts) = (true, Some(0));
         }
@@ -349,17 +353,17 @@ impl Offset {
         self.keep(state);
         let due = state.time.since(self.span) >= SPAN;
         let worst = due.then(|| self.worst(state.time, covariance, considered)).flatten();
-        let left = &self.effect.all[0];
+        let left = self.effect.all(0);
         if due
             && self.compensates()
             && !self.withdrawn
             && left.sigmas().abs() >= LEFT
-            && linear(left)
+            && linear(&left)
         {
             self.adopts = Some(0);
         }
         if self.compensates() {
-            containment.contain((&self.effect, &self.effect.all[0], 0), covariance);
+            containment.contain((&self.effect, &self.effect.all(0), 0), covariance);
         }
         self.judge(worst, containment, rival)
     }
@@ -373,8 +377,8 @@ impl Offset {
     ) -> Option<Lag> {
         let counts = |sum: usize| self.counts(sum);
         let worst = self.effect.worst(
-            &self.effect.all,
             (SIGNIFICANT, counts),
+            |sum| self.effect.all(sum),
             (covariance, considered),
             true,
         );
@@ -418,17 +422,17 @@ impl Offset {
         self.span = time;
         self.effect.end_span();
         let worst = {
-            let counts = |sum: usize| self.counts(sum);
+            let counts = |sum: usize| sum != RECENT && self.counts(sum);
             self.effect.worst(
-                &self.effect.all,
                 (SIGNIFICANT, counts),
+                |sum| self.effect.all(sum),
                 (covariance, considered),
                 false,
             )
         };
-        if time.since(self.effect.newest()) >= TURN {
-            self.effect.renew(self.next, time);
-            self.next = 1 + self.next % (SUMS - 1);
+        if time.since(self.effect.newest(RECENT)) >= TURN {
+            self.renew(self.next, time);
+            self.next = 1 + self.next % (RECENT - 1);
         }
         worst
     }
@@ -439,17 +443,17 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::*;
 
-    /// The first sum runs from the start.
+    /// The first sum runs from the start, and the last one since all sensors agreed.
     #[test]
-    fn three_sums_begin_again_in_turn_every_two_minutes() {
+    fn two_sums_begin_again_in_turn_every_two_minutes() {
         let mut offset = Offset::new(0);
         offset.effect.begin(Time::default());
         let begun = [120.0, 240.0, 360.0, 480.0, 600.0].map(|at| {
             let time = Time::from_seconds(at).unwrap();
             offset.worst(time, &Covariance::zero(0), &[]);
-            offset.effect.scores.iter().position(|score| score.since == time)
+            (0..SUMS).position(|sum| offset.effect.since(sum) == time)
         });
-        assert_eq!(begun, [1, 2, 3, 1, 2].map(Some));
-        assert_eq!(offset.effect.scores[0].since, Time::default());
+        assert_eq!(begun, [1, 2, 1, 2, 1].map(Some));
+        assert_eq!(offset.effect.since(0), Time::default());
     }
 }

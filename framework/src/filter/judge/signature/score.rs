@@ -10,6 +10,10 @@ pub(super) const SPAN: f64 = 10.0;
 /// odds of `exp(10 / 2)`, 150 : 1.
 const CLEAR: f64 = 10.0;
 
+/// Penalty in twice the log-likelihood ratio for each parameter of an explanation, `ln n` of some 400 samples
+/// (Schwarz 1978).
+pub(super) const PARAMETER: f64 = 6.0;
+
 /// Least score that leads another one clearly.
 pub(super) fn leading(rival: f64) -> f64 {
     (rival * rival + CLEAR).sqrt()
@@ -71,6 +75,26 @@ impl Score {
     /// Variance of [`Self::size`].
     pub(super) fn variance(&self) -> f64 {
         self.scatter() / (self.c * self.c)
+    }
+
+    /// Number of spans that determine the scatter: spans of equal information count as one each.
+    fn spans(&self) -> f64 {
+        let ended = self.c - self.span[1];
+        ended * ended / self.squares[2]
+    }
+
+    /// Score in sigma with which the error is significant. Where the scatter is larger than the information, the
+    /// noise is larger than stated by a factor that only the spans determine. A larger noise then competes with the
+    /// error: twice the log-likelihood ratio of both is `k ln(1 + z^2 / (k - 1))` for `k` spans (Student 1908).
+    pub(super) fn significance(&self) -> f64 {
+        let (z, k) = (self.sigmas().abs(), self.spans());
+        if self.scatter() <= self.i {
+            return z;
+        }
+        if k <= 1.0 {
+            return 0.0;
+        }
+        (k * (z * z / (k - 1.0)).ln_1p()).sqrt().min(z)
     }
 
     /// Score in sigma; NaN without information.
@@ -136,6 +160,21 @@ mod tests {
     fn odds_of_150_to_1_are_a_clear_lead() {
         assert!(leading(6.8) < 7.5 && leading(6.8) > 7.49);
         assert!((0.5 * (leading(6.8).powi(2) - 6.8 * 6.8)).exp() > 148.0);
+    }
+
+    /// Seven spans around 40 whose squares off it sum up to 232: z is 280 / sqrt(232) = 18.4, and
+    /// `7 ln(1 + 18.4^2 / 6)` is 5.32^2.
+    #[test]
+    fn few_spans_that_scatter_are_less_significant_than_their_score() {
+        let score = score(&[48.0, 32.0, 46.0, 34.0, 44.0, 36.0, 40.0].map(|b| [b, 1.0]));
+        assert!((score.sigmas() - 18.38).abs() < 0.01, "{}", score.sigmas());
+        assert!((score.significance() - 5.32).abs() < 0.01, "{}", score.significance());
+    }
+
+    #[test]
+    fn spans_that_agree_are_as_significant_as_their_score() {
+        let score = score(&[[4.0, 2.0], [8.0, 4.0]]);
+        assert_eq!(score.significance(), score.sigmas());
     }
 
     #[test]

@@ -1,20 +1,22 @@
 //! All tests of a filter.
 
-use super::bias_step::BiasSteps;
 use super::contain::Containment;
-use super::effect::Whitened;
+use super::effect::{RECENT, SUMS, Whitened};
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
 use super::score::leading;
+use super::shifts::Shifts;
+use super::spread::Spread;
+use super::treatment::{Explained, Refusal, Treatment};
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
-use crate::model::record::finding::Finding;
+use crate::model::record::finding::{Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::model::sensor::{Role, Sensor};
+use crate::model::sensor::{Role, Sensor, SensorInfo};
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
-use crate::state::{Dynamics, Layout, Mode, State};
-use crate::units::sample::MAX_CHANNELS;
+use crate::state::{Layout, Mode, State};
+use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 
 /// Largest number of sensors that are tested. Every test follows the samples of all sensors, so that
@@ -24,31 +26,41 @@ const TESTED: usize = 64;
 /// What the filter does about an offset, and about a wrong parameter.
 const TAKEN_OFF: &str = "; the filter takes it off from now on, and not before";
 const CONTAINED: &str = "; the covariance contains it from now on, and not before";
+/// What the filter does about a step of a state.
+const STEPPED: &str = "; the covariance contains it from now on";
 
 /// Score tests of the sensors.
 #[derive(Clone)]
 pub(in crate::filter) struct Signatures {
     offsets: Vec<Option<Offset>>,
-    steps: Option<BiasSteps>,
+    shifts: Option<Shifts>,
     parameters: Parameters,
     containment: Containment,
-    /// Row and column of each element of `Phi`, and its value in the identity.
-    places: Vec<(usize, usize, f64)>,
-    /// Elements of `Phi - I` that are not zero.
-    changes: Vec<(usize, usize, f64)>,
+    /// Row and column of each element of `Phi`, its value in the identity, and its number, by row.
+    places: Vec<(usize, usize, f64, usize)>,
+    /// Elements of `Phi`.
+    phi: Vec<f64>,
+    /// Elements of `Phi - I` that are not zero, by row.
+    changes: Vec<(usize, usize, f32)>,
     /// Times up to which the sensitivities are carried, and up to which the state is, and the length
     /// of the last step, s.
     settled: Time,
     time: Time,
     step: f64,
+    /// Integral of the driving samples since the sensitivities were carried.
+    input: [f64; MAX_CHANNELS],
+    /// Noise of the innovations of each sensor.
+    spread: Vec<Spread>,
+    /// Sensor whose error makes the result useless: what others seem to have is its effect.
+    culprit: Option<usize>,
 }
 
 saved!(Signatures {
-    parameters, containment, settled, time, step,
+    parameters, containment, settled, time, step, input, culprit,
 } each {
-    offsets, steps,
+    offsets, shifts, spread,
 } except {
-    places, changes,
+    places, phi, changes,
 });
 
 /// True for a sensor whose samples can show an error that stays.
@@ -79,16 +91,6 @@ pub(crate) fn untested(sensors: &[Sensor]) -> Option<String> {
     })
 }
 
-/// Test for steps of the constant biases of the first driving sensor.
-fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
-    let layout = &*composition.layout;
-    let process = composition.processes.iter().find(|process| process.input.is_some())?;
-    let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
-    let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
-    let rows = constant.flat_map(|b| b.tangent_range());
-    BiasSteps::new(process.input?, rows, layout.tangent)
-}
-
 fn of(offset: &Option<Offset>) -> f64 {
     offset.as_ref().map_or(0.0, Offset::score)
 }
@@ -98,13 +100,24 @@ fn best(offsets: &[Option<Offset>]) -> f64 {
     offsets.iter().map(of).fold(0.0, f64::max)
 }
 
+/// Sensors of which the gate refuses samples.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Refuses {
+    None,
+    One,
+    Several,
+}
+
 /// The offset of a sensor, and the score that it has to exceed: another error of the sensor has to be
-/// less likely, and one of another sensor clearly so.
+/// less likely, and one of another sensor clearly so. No other sensor than the culprit is named. Where
+/// the gate refuses samples, they are too few to tell an offset of the clock from one of a channel, and
+/// the filter can go on with the former; a drift grows, where such an offset stays. Where it refuses those of
+/// one sensor alone, they are no evidence on another sensor.
 fn rivals<'a>(
-    index: usize,
+    (index, refuses): (usize, Refuses),
     offsets: &'a mut [Option<Offset>],
-    steps: Option<&'a BiasSteps>,
-    parameters: &'a Parameters,
+    shifts: Option<&'a Shifts>,
+    (parameters, culprit): (&'a Parameters, Option<usize>),
 ) -> (Option<&'a mut Offset>, impl Fn() -> f64 + 'a) {
     let (before, rest) = offsets.split_at_mut(index);
     let (offset, after) = match rest.split_first_mut() {
@@ -113,12 +126,39 @@ fn rivals<'a>(
     };
     let (before, after) = (&*before, &*after);
     let rival = move || {
-        let stepped = steps.map_or(0.0, BiasSteps::score);
-        let others = stepped.max(best(before)).max(best(after));
+        if culprit.is_some_and(|culprit| culprit != index) {
+            return f64::INFINITY;
+        }
+        let sums = if refuses == Refuses::None { SUMS } else { RECENT };
+        let of = (sums, refuses != Refuses::One);
+        let shifted = |own: bool| shifts.map_or(0.0, |s| s.score(of, |k| (k == index) == own));
+        let others = shifted(false).max(best(before)).max(best(after));
         let others = others.max(parameters.score(true, |sensor| sensor != index));
-        parameters.score(true, |sensor| sensor == index).max(leading(others))
+        let drift = || shifts.map_or(0.0, |shifts| shifts.drift(index));
+        let own = if refuses == Refuses::None { shifted(true) } else { drift() };
+        own.max(parameters.score(true, |sensor| sensor == index)).max(leading(others))
     };
     (offset, rival)
+}
+
+/// Score that a shift of a sensor has to exceed.
+fn rival_of_shift(
+    (index, refuses): (usize, bool),
+    offsets: &[Option<Offset>],
+    (parameters, culprit): (&Parameters, Option<usize>),
+) -> f64 {
+    if culprit.is_some_and(|culprit| culprit != index) {
+        return f64::INFINITY;
+    }
+    let others = offsets.iter().enumerate().filter(|(k, _)| *k != index);
+    let rival = |offset: &Option<Offset>| {
+        let any = offset.as_ref().filter(|_| !refuses);
+        any.map_or_else(|| of(offset), Offset::rival)
+    };
+    let others = others.map(|(_, offset)| rival(offset)).fold(0.0, f64::max);
+    let others = others.max(parameters.score(true, |sensor| sensor != index));
+    let own = offsets.get(index).map_or(0.0, of);
+    own.max(parameters.score(true, |sensor| sensor == index)).max(leading(others))
 }
 
 impl Signatures {
@@ -140,27 +180,33 @@ impl Signatures {
             tested.then(|| Offset::new(layout.tangent))
         });
         let offsets: Vec<_> = offsets.collect();
-        let steps = bias_steps(composition);
-        if !tested.contains(&true) && steps.is_none() {
+        let shifts = Shifts::new(composition, &tested);
+        if !tested.contains(&true) && shifts.is_none() {
             return None;
         }
         let identity = transition.identity();
         let places = transition.places().iter().zip(identity);
-        let places: Vec<_> = places.map(|(&(i, j), one)| (i, j, one)).collect();
+        let places = places.enumerate();
+        let mut places: Vec<_> = places.map(|(at, (&(i, j), one))| (i, j, one, at)).collect();
+        places.sort_unstable_by_key(|&(i, j, _, at)| (i, j, at));
         let changes = Vec::with_capacity(places.len());
-        let parameters = Parameters::new(tested, layout);
+        let parameters = Parameters::new(tested, composition);
         let (settled, time) = (Time::MIN, Time::MIN);
         let containment = Containment::new(composition);
         Some(Self {
             offsets,
-            steps,
+            shifts,
             parameters,
             containment,
             places,
+            phi: Vec::new(),
             changes,
             settled,
             time,
             step: 0.0,
+            input: [0.0; MAX_CHANNELS],
+            spread: vec![Spread::default(); composition.sensors.len()],
+            culprit: None,
         })
     }
 
@@ -171,33 +217,41 @@ impl Signatures {
         self.time = time;
     }
 
+    /// Takes a driving sample that holds for that time, s.
+    #[inline]
+    pub(in crate::filter) fn driven(&mut self, sample: &Sample, duration: f64) {
+        for (k, sum) in self.input.iter_mut().enumerate() {
+            *sum += duration * sample.get(k).unwrap_or_default();
+        }
+    }
+
     /// Carries the sensitivities to the present with the rate of the last step, which changes little
     /// between two corrections: `s := s + (Phi - I) s t / dt`.
     fn settle(&mut self, transition: &Transition) {
         let since = std::mem::replace(&mut self.settled, self.time);
-        if since == Time::MIN || self.step <= 0.0 {
+        let input = std::mem::take(&mut self.input);
+        if since == Time::MIN || self.step <= 0.0 || self.time <= since {
             return;
         }
-        let steps = self.time.since(since) / self.step;
-        let Self { offsets, steps: biases, parameters, places, changes, .. } = self;
-        let all = places.iter().zip(transition.elements());
-        let all = all.map(|(&(i, j, one), (.., phi))| (i, j, steps * (phi - one)));
+        let duration = self.time.since(since);
+        let (steps, input) = (duration / self.step, input.map(|sum| sum / duration));
+        let Self { offsets, shifts, parameters, places, phi, changes, .. } = self;
+        phi.clear();
+        phi.extend(transition.elements().map(|(.., value)| value));
+        let all = places.iter().map(|&(i, j, one, at)| (i, j, (steps * (phi[at] - one)) as f32));
         changes.clear();
         changes.extend(all.filter(|change| change.2 != 0.0));
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
-        let effects = offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects));
-        let changes = &*changes;
-        for effect in effects.chain(parameters.effects()) {
-            effect.carry(changes);
-        }
+        offsets.for_each(|effect| effect.carry(changes));
+        shifts.iter_mut().for_each(|shifts| shifts.carry(changes));
+        parameters.carry(changes, &input);
     }
 
-    /// Takes a sample before the state is corrected, which counts with a weight: below one if the gate
-    /// refused it, and the state is not corrected. Call after [`Update::apply`].
+    /// Takes a sample before the state is corrected. Call after [`Update::apply`].
     pub(in crate::filter) fn take(
         &mut self,
-        (Measured { sensor: index, present }, weight): (Measured, Option<f64>),
-        model: &dyn AnyMeasurement,
+        (Measured { sensor: index, present }, treatment): (Measured, Treatment),
+        (model, info): (&dyn AnyMeasurement, &SensorInfo),
         (at, transition): (&At<'_>, &Transition),
         update: &Update,
         lower: &mut Vec<f64>,
@@ -210,9 +264,11 @@ impl Signatures {
         let mut y = [0.0; MAX_CHANNELS];
         y[..m].copy_from_slice(&update.innovation[..m]);
         forward(lower, m, &mut y[..m]);
+        let known = self.spread[index].take(present, &y[..m]);
         backward(lower, m, &mut y[..m]);
-        let (used, weight) = (weight.is_none(), weight.unwrap_or(1.0));
+        let Treatment { weight, used, calm, isolated } = treatment;
         let (sample, time) = (Whitened { update, lower, y, weight, used }, at.state.time);
+        let scaled = Whitened { weight: weight * known, ..sample };
         for (k, offset) in self.offsets.iter_mut().enumerate() {
             let Some(offset) = offset else { continue };
             let own = k == index;
@@ -221,23 +277,36 @@ impl Signatures {
             }
             // a sample that is refused is evidence on its own sensor
             if own || used {
-                offset.take(&sample, time, own.then_some(present));
+                offset.take(&scaled, time, own.then_some(present));
             }
             if own && !used {
                 offset.keep(at.state);
             }
+            if calm && used {
+                offset.calm(time);
+            }
         }
-        if let Some(steps) = self.steps.as_mut().filter(|_| used) {
-            steps.take(&sample, time);
+        // the evidence has decided against a sensor that is isolated
+        if isolated {
+            return;
         }
-        self.parameters.take(Measured { sensor: index, present }, &sample, model, at);
+        if let Some(shifts) = &mut self.shifts {
+            shifts.take(Measured { sensor: index, present }, &scaled, (time, calm));
+        }
+        self.parameters.take(Measured { sensor: index, present }, &scaled, (model, info), at);
     }
 
     /// Restarts the tests for steps and offsets: the errors up to a recovery are those of another fault.
     pub(in crate::filter) fn recovered(&mut self) {
-        let Self { offsets, steps, time, .. } = self;
-        steps.iter_mut().for_each(BiasSteps::restart);
+        let Self { offsets, shifts, time, .. } = self;
+        shifts.iter_mut().for_each(Shifts::restart);
         offsets.iter_mut().flatten().for_each(|offset| offset.restart(*time));
+    }
+
+    /// Begins the comparison again: the evidence has decided against a sensor that is isolated.
+    pub(in crate::filter) fn isolated(&mut self) {
+        self.shifts.iter_mut().for_each(Shifts::restart);
+        self.parameters.isolated();
     }
 
     /// Takes an offset that was found off a sample of its sensor.
@@ -262,35 +331,61 @@ impl Signatures {
     /// Takes the offset of a sensor off that was just found, and returns what it has moved the state by.
     /// The other tests begin again, since they followed the innovations with that offset.
     pub(in crate::filter) fn adopt(&mut self, index: usize) -> Option<Vec<f64>> {
-        let Self { offsets, steps, parameters, time, .. } = self;
+        let Self { offsets, shifts, parameters, time, .. } = self;
         let delta = offsets[index].as_mut()?.adopt(*time)?;
         let others = offsets.iter_mut().enumerate().filter(|(k, _)| *k != index);
         others.filter_map(|(_, offset)| offset.as_mut()).for_each(|offset| offset.restart(*time));
-        steps.iter_mut().for_each(BiasSteps::restart);
+        shifts.iter_mut().for_each(Shifts::restart);
         parameters.restart();
         Some(delta)
     }
 
-    /// Names an offset of a sensor of which the gate is about to refuse another sample, if that explains
-    /// those before. If it refuses many in a row, an offset that is taken off was none. Returns what it
-    /// finds, and whether the samples are explained.
-    pub(in crate::filter) fn explain(
+    /// Names an offset of a sensor of which the gate is about to refuse another sample, or an error of the
+    /// driving sensor, if that explains those before. If the gate refuses many in a row, an offset that is
+    /// taken off was none.
+    pub(in crate::filter) fn explain<'a>(
         &mut self,
-        (index, sensor, insists): (usize, &str, bool),
+        Refusal { sensor: index, insists, shared }: Refusal,
         (layout, state): (&Layout, &State),
-        (covariance, considered): (&Covariance, &[bool]),
-    ) -> (Option<Finding>, bool) {
-        let Self { offsets, steps, parameters, containment, .. } = self;
+        (covariance, considered): (&mut Covariance, &[bool]),
+        sensor: &dyn Fn(usize) -> &'a SensorInfo,
+    ) -> Explained {
+        let Self { offsets, shifts, parameters, containment, culprit, .. } = self;
+        let known = *culprit;
         containment.begin(state.time);
-        let (offset, rival) = rivals(index, offsets, steps.as_ref(), parameters);
-        let Some(offset) = offset else { return (None, false) };
-        let found = offset.refused((covariance, considered), containment, rival);
-        if !offset.adopts() && insists && offset.withdraw() {
-            return (Some(offset::withdrawn(state.time, sensor)), true);
+        let name = &sensor(index).name;
+        let lag = {
+            let of = (index, if shared { Refuses::Several } else { Refuses::One });
+            let (offset, rival) = rivals(of, offsets, shifts.as_ref(), (parameters, known));
+            offset.and_then(|offset| {
+                let found = offset.refused((&*covariance, considered), containment, rival);
+                if !offset.adopts() && insists && offset.withdraw() {
+                    return Some(Some(offset::withdrawn(state.time, name)));
+                }
+                let finding = |lag| offset::finding(&lag, state.time, name, layout);
+                let finding = found.map(|lag| containment.noted(finding(lag), TAKEN_OFF));
+                offset.adopts().then_some(finding)
+            })
+        };
+        if let Some(finding) = lag {
+            return Explained::Offset(finding);
         }
-        let finding = |lag| offset::finding(&lag, state.time, sensor, layout);
-        let finding = found.map(|lag| containment.noted(finding(lag), TAKEN_OFF));
-        (finding, offset.adopts())
+        let rival = |sensor| rival_of_shift((sensor, true), offsets, (parameters, known));
+        let states = (covariance, considered);
+        let step = shifts.as_mut().filter(|_| shared).and_then(|shifts| {
+            let step = shifts.refused(state.time, states, containment, rival)?;
+            let about = shifts.sensor(&step);
+            let finding = shifts.finding(&step, state.time, sensor(about), layout);
+            blame(culprit, about, &finding);
+            Some(finding)
+        });
+        containment.widened = false;
+        match step {
+            Some(finding) => {
+                Explained::Driver(Finding { text: finding.text + CONTAINED, ..finding })
+            }
+            None => Explained::Nothing,
+        }
     }
 
     /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
@@ -300,38 +395,61 @@ impl Signatures {
         index: usize,
         (layout, state): (&Layout, &State),
         (covariance, considered): (&mut Covariance, &[bool]),
-        sensor: impl Fn(usize) -> &'a str,
+        sensor: &dyn Fn(usize) -> &'a SensorInfo,
         mut report: impl FnMut(Finding),
     ) -> bool {
         let time = state.time;
-        let Self { offsets, steps, parameters, containment, .. } = self;
+        let Self { offsets, shifts, parameters, containment, culprit, .. } = self;
+        let known = *culprit;
         containment.begin(time);
-        if let Some(steps) = steps {
+        if let Some(shifts) = shifts {
             let states = (&mut *covariance, considered);
-            let rival = || best(offsets).max(parameters.score(false, |_| true));
-            if let Some(step) = steps.corrected(time, states, containment, rival) {
-                report(step.finding(time, sensor(steps.sensor), layout));
+            let rival = |sensor| rival_of_shift((sensor, false), offsets, (parameters, known));
+            if let Some(step) = shifts.corrected(time, states, containment, rival) {
+                let mut finding = shifts.finding(&step, time, sensor(shifts.sensor(&step)), layout);
+                if step.lasts {
+                    finding = containment.noted(finding, CONTAINED);
+                } else {
+                    finding.text.push_str(STEPPED);
+                }
+                blame(culprit, shifts.sensor(&step), &finding);
+                report(finding);
             }
         }
-        let (offset, rival) = rivals(index, offsets, steps.as_ref(), parameters);
+        let of_index = (index, Refuses::None);
+        let (offset, rival) = rivals(of_index, offsets, shifts.as_ref(), (parameters, known));
         let states = (&mut *covariance, considered);
         let found = offset.and_then(|offset| offset.corrected(state, states, containment, rival));
         if let Some(found) = found {
-            let finding = offset::finding(&found, time, sensor(index), layout);
+            let finding = offset::finding(&found, time, &sensor(index).name, layout);
+            blame(culprit, index, &finding);
             report(containment.noted(finding, TAKEN_OFF));
         }
-        let stepped = || steps.as_ref().map_or(0.0, BiasSteps::score);
+        let shifted = |counts: &dyn Fn(usize) -> bool| {
+            shifts.as_ref().map_or(0.0, |shifts| shifts.score((SUMS, true), counts))
+        };
         let rival = |sensor: usize| {
+            if known.is_some_and(|culprit| culprit != sensor) {
+                return f64::INFINITY;
+            }
             let (before, rest) = offsets.split_at(sensor);
             let after = rest.get(1..).unwrap_or_default();
-            let others = stepped().max(best(before)).max(best(after));
-            of(&offsets[sensor]).max(leading(others))
+            let others = shifted(&|other| other != sensor).max(best(before)).max(best(after));
+            of(&offsets[sensor]).max(shifted(&|other| other == sensor)).max(leading(others))
         };
         let states = (covariance, considered);
         if let Some(wrong) = parameters.corrected(time, states, containment, rival) {
-            let finding = wrong.finding(state, sensor(wrong.sensor()), layout);
+            let finding = parameters.finding(&wrong, state, sensor(wrong.sensor()), layout);
+            blame(culprit, wrong.sensor(), &finding);
             report(containment.noted(finding, CONTAINED));
         }
         std::mem::take(&mut containment.widened)
+    }
+}
+
+/// Remembers the first sensor whose error makes the result useless.
+fn blame(culprit: &mut Option<usize>, sensor: usize, finding: &Finding) {
+    if finding.severity == Severity::DoNotUse {
+        culprit.get_or_insert(sensor);
     }
 }

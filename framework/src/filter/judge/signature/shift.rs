@@ -1,0 +1,203 @@
+//! An error of unit size that begins at an unknown time, and the finding about it.
+
+use super::effect::{Found, name};
+use super::lanes::Seen;
+use crate::compose::{Composition, moved};
+use crate::model::record::finding::{Basis, Finding};
+use crate::model::sensor::{Role, Sensor, SensorInfo};
+use crate::state::{Dynamics, Layout};
+use crate::units::sample::channels;
+use crate::units::time::Time;
+use std::ops::Range;
+
+/// Where an error enters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// A constant state steps, by its row. The filter follows the state, which is right again then.
+    State(usize),
+    /// The samples of a channel are off from then on.
+    Channel(usize),
+    /// The samples of a channel drift from then on, by so much per second.
+    Drift(usize),
+}
+
+/// An error that is compared.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shift {
+    /// Index of the sensor that has the error.
+    pub(super) sensor: usize,
+    pub(super) place: Place,
+    /// Set if its sums begin at one minute, two, four and so on: a filter that has learnt a constant for
+    /// longer takes longer to follow a step, and the evidence on it grows as slowly.
+    pub(super) patient: bool,
+    /// Size from which on the error is another one.
+    pub(super) most: f64,
+}
+
+/// Largest step of a bias of the driving sensor, in sigmas of its prior: an instrument that is off by more has
+/// its axes turned, or its unit is wrong.
+const STEP: f64 = 300.0;
+
+/// Index of the sensor that a block belongs to, by its name.
+fn owner(sensors: &[Sensor], block: &str) -> Option<usize> {
+    let (part, _) = block.rsplit_once('.')?;
+    sensors.iter().position(|sensor| sensor.info.name == part)
+}
+
+/// The errors of a composition that are compared.
+pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
+    let layout = &*composition.layout;
+    let (sensors, moved) = (&composition.sensors, moved(layout, &composition.processes));
+    let shift = |sensor, place| Shift { sensor, place, patient: false, most: f64::INFINITY };
+    let mut all = Vec::new();
+    let process = composition.processes.iter().find(|process| process.input.is_some());
+    if let Some((process, input)) = process.and_then(|p| Some((p, p.input?))) {
+        let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
+        let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
+        for block in constant {
+            let sigmas = block.spec.sigma.iter().map(|sigma| STEP * sigma);
+            let rows = block.tangent_range().zip(sigmas.chain(std::iter::repeat(f64::INFINITY)));
+            all.extend(rows.map(|(row, most)| Shift { most, ..shift(input, Place::State(row)) }));
+        }
+    }
+    for (slot, block) in layout.blocks.iter().enumerate() {
+        let constant = block.estimated() && block.spec.dynamics == Dynamics::Constant;
+        if constant
+            && !moved[slot]
+            && let Some(sensor) = owner(sensors, &block.name)
+        {
+            all.extend(block.tangent_range().map(|row| shift(sensor, Place::State(row))));
+        }
+    }
+    for (index, _) in sensors.iter().enumerate().filter(|(k, _)| tested[*k]) {
+        let Role::Measurement(model) = &sensors[index].role else { continue };
+        all.extend((0..model.channels()).map(|channel| shift(index, Place::Channel(channel))));
+        let lengths = sensors[index].info.channels.iter().enumerate();
+        let lengths = lengths.filter(|(_, channel)| channel.unit.suffix() == "m");
+        all.extend(lengths.map(|(channel, _)| shift(index, Place::Drift(channel))));
+    }
+    all
+}
+
+impl Shift {
+    /// Adds the unit error to the sensitivity of a sample, in the columns of its hypotheses, which have ages;
+    /// `present` has the channels of a sample of its sensor.
+    pub(super) fn enter<const W: usize>(
+        &self,
+        g: &mut Seen<W>,
+        columns: Range<usize>,
+        present: Option<u16>,
+        age: impl Fn(usize) -> f64,
+    ) {
+        let Some(present) = present else { return };
+        let row = |channel| channels(present).position(|c| c == channel);
+        match self.place {
+            Place::State(_) => {}
+            Place::Channel(channel) => {
+                let row = row(channel).map(|row| &mut g[row][columns]);
+                row.into_iter().flatten().for_each(|g| *g += 1.0);
+            }
+            Place::Drift(channel) => {
+                let Some(row) = row(channel) else { return };
+                columns.for_each(|column| g[row][column] += age(column) as f32);
+            }
+        }
+    }
+
+    /// The finding about the sensor; `prior` is set for an error from the start of the run.
+    pub(super) fn finding(
+        &self,
+        (found, prior): (&Found, bool),
+        time: Time,
+        sensor: &SensorInfo,
+        layout: &Layout,
+    ) -> Finding {
+        let (score, about) = (&found.score, sensor.name.clone());
+        let fit = format!("{:.1} sigma", score.sigmas().abs());
+        let (text, remedy) = match self.place {
+            Place::State(row) => {
+                let block = layout.blocks.iter().find(|b| b.tangent_range().contains(&row));
+                let (unit, scale) =
+                    block.map_or(("", 1.0), |b| (b.spec.display.unit, b.spec.display.scale));
+                let key = block.map_or("", |b| b.name.rsplit('.').next().unwrap_or_default());
+                let size = shown(score.size() / scale, unit);
+                let state = name(layout, row);
+                if prior {
+                    (
+                        format!(
+                            "{state} is off its prior by {size}: the innovations fit this ({fit})"
+                        ),
+                        format!(
+                            "correct the initial value of {key}, or widen its sigma (not tried)"
+                        ),
+                    )
+                } else {
+                    let text = format!(
+                        "{state} has stepped after {}: the innovations fit a step of {size} ({fit})",
+                        score.since,
+                    );
+                    let remedy = format!(
+                        "check {about} (temperature, supply, mounting); do not use the estimates before \
+                     {time}; let {key} wander (random_walk or correlation_time)"
+                    );
+                    (text, remedy)
+                }
+            }
+            Place::Channel(channel) | Place::Drift(channel) => {
+                let unit = sensor.channels.get(channel).map(|channel| channel.unit.shown());
+                let (unit, scale) = unit.unwrap_or_default();
+                let (verb, per) = match self.place {
+                    Place::Drift(_) => ("drifts", "/s"),
+                    _ => ("is off", ""),
+                };
+                let text = format!(
+                    "its {} {verb} by {}{per} since {} ({fit})",
+                    sensor.words(channel),
+                    shown(score.size() * scale, &unit),
+                    score.since,
+                );
+                let remedy =
+                    "look at the sensor since then; if its error is known to last, give it a \
+                              bias or correlated_error"
+                        .to_owned();
+                (text, remedy)
+            }
+        };
+        let moved = found.moved(layout);
+        Finding {
+            time,
+            about,
+            severity: found.severity,
+            basis: Basis::Explanation,
+            text: format!("{text}, which has moved {moved}"),
+            remedy,
+        }
+    }
+}
+
+/// A size with three significant digits, a sign and its unit.
+pub(super) fn shown(size: f64, unit: &str) -> String {
+    let decimals = (2.0 - size.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{size:+.decimals$} {unit}").trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::sample::MAX_CHANNELS;
+
+    /// Channels 0 and 2 are present, so that the second row is that of channel 2.
+    #[test]
+    fn an_offset_is_the_same_in_each_sample_and_a_drift_grows_with_its_age() {
+        let entered = |place| {
+            let shift = Shift { sensor: 0, place, patient: false, most: 1.0 };
+            let mut g = [[0.0_f32; 4]; MAX_CHANNELS];
+            shift.enter(&mut g, 1..3, Some(0b101), |column| 10.0 * column as f64);
+            assert_eq!(g[0], [0.0; 4]);
+            g[1]
+        };
+        assert_eq!(entered(Place::Channel(2)), [0.0, 1.0, 1.0, 0.0]);
+        assert_eq!(entered(Place::Drift(2)), [0.0, 10.0, 20.0, 0.0]);
+        assert_eq!(entered(Place::State(2)), [0.0; 4]);
+    }
+}

@@ -1,0 +1,97 @@
+//! What speaks for the errors that are compared.
+
+use super::super::parameter::LINEAR;
+use super::super::score::{PARAMETER, Score};
+use super::super::shift::{Place, Shift};
+use super::{RECENT, SUMS, Shifts, at};
+
+impl Shifts {
+    /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
+    /// turned the estimate so far that the test is not linear.
+    pub(super) fn evidence(&self, axis: usize, sum: usize) -> f64 {
+        self.evidence_of(axis, sum, true)
+    }
+
+    /// The same by all samples, or by those that the gate did not refuse.
+    pub(super) fn evidence_of(&self, axis: usize, sum: usize, all: bool) -> f64 {
+        let score = if all { self.score_of(axis, sum) } else { self.used(axis, sum) };
+        let sigmas = score.sigmas();
+        let counts = sigmas.is_finite() && self.linear(axis, sum);
+        if counts { sigmas * sigmas } else { 0.0 }
+    }
+
+    fn used(&self, axis: usize, sum: usize) -> Score {
+        let (effect, column) = at(axis, sum);
+        self.effects[effect].used(column)
+    }
+
+    /// Score of a sum of an error. A slow step is found by the samples that the filter follows.
+    pub(super) fn score_of(&self, axis: usize, sum: usize) -> Score {
+        let (effect, column) = at(axis, sum);
+        let patient = self.axes[axis].patient;
+        if patient { self.used(axis, sum) } else { self.effects[effect].all(column) }
+    }
+
+    pub(super) fn linear(&self, axis: usize, sum: usize) -> bool {
+        let (effect, column) = at(axis, sum);
+        let effect = &self.effects[effect];
+        let size = effect.all(column).size();
+        self.rotations.iter().all(|row| (size * f64::from(effect.s[*row][column])).abs() < LINEAR)
+    }
+
+    /// Returns `true` if an error of a sensor explains what the gate refused of it.
+    pub(super) fn explains(&self, axis: usize, sum: usize) -> bool {
+        let (effect, column) = at(axis, sum);
+        let effect = &self.effects[effect];
+        self.gated[self.axes[axis].sensor].explained(&effect.all(column), &effect.used(column))
+    }
+
+    /// The largest evidence that begins with a sum.
+    pub(super) fn most(&self, sum: usize) -> f64 {
+        self.quick().map(|axis| self.evidence(axis, sum)).fold(0.0, f64::max)
+    }
+
+    /// The sum in which less is found, of those that begin at any time, and its evidence.
+    pub(super) fn weakest(&self) -> (usize, f64) {
+        let sums = (1..RECENT).map(|sum| (sum, self.most(sum)));
+        sums.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
+    }
+
+    /// Score in sigma of the errors of a sensor that begin with a sum: of the most significant one, or of
+    /// the offsets of all channels together.
+    pub(super) fn of_sensor(&self, sensor: usize, sum: usize, all: bool) -> f64 {
+        let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
+        let (mut most, mut offsets) = (0.0_f64, 0.0);
+        for (index, axis) in own {
+            let evidence = self.evidence_of(index, sum, all);
+            most = most.max(evidence);
+            match axis.place {
+                Place::Channel(_) => offsets += (evidence - PARAMETER).max(0.0),
+                Place::State(_) | Place::Drift(_) => {}
+            }
+        }
+        most.max(if offsets > 0.0 { offsets + PARAMETER } else { 0.0 }).sqrt()
+    }
+
+    /// Score in sigma of the most significant drift of a sensor.
+    pub(in super::super) fn drift(&self, sensor: usize) -> f64 {
+        let drifts = |axis: &Shift| axis.sensor == sensor && matches!(axis.place, Place::Drift(_));
+        let drifts = self.axes.iter().enumerate().filter(|(_, axis)| drifts(axis));
+        let sums = |axis: usize| (0..SUMS).map(move |sum| (axis, sum));
+        let all = drifts.flat_map(|(axis, _)| sums(axis));
+        all.map(|(axis, sum)| self.evidence(axis, sum)).fold(0.0, f64::max).sqrt()
+    }
+
+    /// Score in sigma of the most significant errors of the sensors that count, in the first sums, by all samples
+    /// or by those that the gate did not refuse.
+    pub(in super::super) fn score(
+        &self,
+        (first, all): (usize, bool),
+        counts: impl Fn(usize) -> bool,
+    ) -> f64 {
+        let sensors = (0..self.sensors).filter(|sensor| counts(*sensor));
+        let sums = |sensor| (0..first).map(move |sum| (sensor, sum));
+        let scores = sensors.flat_map(sums).map(|(sensor, sum)| self.of_sensor(sensor, sum, all));
+        scores.fold(0.0, f64::max)
+    }
+}

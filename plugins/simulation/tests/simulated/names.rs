@@ -1,0 +1,62 @@
+//! The verdict names the sensor at fault first, where several errors explain the same innovations.
+
+use navfuse_core::model::record::finding::Severity;
+use navfuse_core::run::runner;
+use navfuse_testing::scenario;
+use std::sync::atomic::AtomicBool;
+
+const QUICKSTART: &str = include_str!("../../../../scenarios/quickstart.toml");
+const CAR: &str = include_str!("../../../../scenarios/faults/gnss-outage.toml");
+
+/// The part that the verdict names first.
+fn first(text: &str, settings: &[&str]) -> Option<String> {
+    let assembly = scenario(text, settings, |s| s.assemble(None).unwrap());
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    let verdict = finished.summary.verdict.without_reference();
+    let doubt = verdict.reasons.into_iter().find(|reason| reason.severity > Severity::Note);
+    doubt.map(|reason| reason.about)
+}
+
+fn dive(fault: &str) -> Vec<Option<String>> {
+    ["seed=1", "seed=2"].map(|seed| first(QUICKSTART, &[seed, fault])).into()
+}
+
+fn all(about: &str) -> Vec<Option<String>> {
+    vec![Some(about.to_owned()); 2]
+}
+
+/// 1 deg at 2 m/s is 3.5 cm/s, 3.5 times the noise of a sample, from one sample to the next: no bias of
+/// the IMU does that, though a step of a gyro bias turns the track as well.
+#[test]
+fn a_dvl_that_turns_in_its_mounting_is_no_step_of_a_gyro_bias() {
+    let turn = "sensor.dvl.simulation.faults=[{ type = \"turn\", from = \"353 s\", size = \"1 deg\", \
+                channels = [\"vel_x\", \"vel_y\"] }]";
+    assert_eq!(dive(turn), all("dvl"));
+}
+
+/// 5 mg are 5 cm/s in a second: DVL and depth are refused, and one error explains both.
+#[test]
+fn an_accelerometer_that_steps_explains_what_all_sensors_are_refused_for() {
+    let step = "sensor.imu.simulation.faults=[{ type = \"step\", from = \"223 s\", size = \"5 mg\", \
+                channels = [\"accel_z\"] }]";
+    assert_eq!(dive(step), all("imu"));
+}
+
+/// 0.3 s at 12 m/s are 3.6 m, 180 times the noise of the position.
+#[test]
+fn a_clock_that_steps_is_no_step_of_a_gyro_bias() {
+    let step = "sensor.gnss.simulation.faults=[{ type = \"clock-step\", from = \"153 s\", size = \"0.3 s\" }]";
+    let healthy = ["sensor.imu.simulation.faults=[]", "sensor.gnss.simulation.outages=[]"];
+    let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy[0], healthy[1], step]));
+    assert_eq!(named.to_vec(), all("gnss"));
+}
+
+/// 0.2 s at 12 m/s are 2.4 m, 120 times the noise of the position: the car has no other sensor, so that an error
+/// of its IMU would explain the samples that the gate refuses as well.
+#[test]
+fn a_late_gnss_is_named_where_it_is_the_only_sensor() {
+    let late = "sensor.gnss.simulation.faults=[{ type = \"clock-offset\", size = \"0.2 s\" }]";
+    let healthy = ["sensor.imu.simulation.faults=[]", "sensor.gnss.simulation.outages=[]"];
+    let named = ["seed=1", "seed=3"].map(|seed| first(CAR, &[seed, healthy[0], healthy[1], late]));
+    assert_eq!(named.to_vec(), all("gnss"));
+}
