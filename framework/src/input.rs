@@ -151,18 +151,33 @@ pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
     bounded_text(open(path)?, most)
 }
 
+/// The bytes of a file with at most `most` of them.
+///
+/// # Errors
+/// As [`open`], and when the file is longer.
+pub fn read_bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    bounded(open(path)?, most)
+}
+
 /// The text of a stream with at most `most` bytes.
 ///
 /// # Errors
 /// When the stream cannot be read, is longer, or is not UTF-8.
 pub fn bounded_text(stream: impl Read, most: u64) -> io::Result<String> {
-    let mut text = String::new();
-    let read = stream.take(most + 1).read_to_string(&mut text)?;
+    let bytes = bounded(stream, most)?;
+    String::from_utf8(bytes)
+        .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
+}
+
+/// The bytes of a stream with at most `most` of them.
+fn bounded(stream: impl Read, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if read as u64 > most {
         let text = format!("it has more than the {} MiB that are allowed", most >> 20);
         return Err(io::Error::new(io::ErrorKind::InvalidData, text));
     }
-    Ok(text)
+    Ok(bytes)
 }
 
 #[cfg(test)]

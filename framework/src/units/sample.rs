@@ -68,8 +68,8 @@ const WITH_AXES: &[(&str, &str)] = &[
     ("vel", "velocity"),
     ("dvel", "velocity increment"),
     ("dtheta", "angle increment"),
-    ("accel", "acceleration"),
-    ("gyro", "rate of turn"),
+    ("accel", "specific force"),
+    ("gyro", "angular rate"),
     ("mag", "magnetic field"),
 ];
 /// Axes to the north, and the words for them; others have the word of their letter.

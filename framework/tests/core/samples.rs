@@ -455,7 +455,7 @@ fn a_drawn_start_displaces_what_the_reference_gives_and_nothing_else() {
 fn channels_have_words_and_names_that_are_no_abbreviation_stay() {
     assert_eq!(words("vel_e"), "velocity east");
     assert_eq!(words("vel_x"), "velocity x");
-    assert_eq!(words("gyro_z"), "rate of turn z");
+    assert_eq!(words("gyro_z"), "angular rate z");
     assert_eq!(words("lat"), "latitude");
     assert_eq!(words("h_acc"), "horizontal accuracy");
     for (name, same) in [("depth", "depth"), ("beam_1", "beam 1"), ("n", "n"), ("", "")] {

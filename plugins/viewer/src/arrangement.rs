@@ -151,7 +151,7 @@ impl Layout {
             true => "Health of the sensors".to_owned(),
             false => format!("Health: {}", legend::in_words()),
         };
-        let strips = ["/clock", "/colours", "/health/**"].map(|of| format!("+ {of}"));
+        let strips = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
         let mut below = vec![self.lanes(&title, &strips)];
         let mut shares = vec![1.4];
         if let Some((b, k)) = run.worst

@@ -328,14 +328,19 @@ impl Innovations {
         // an outlier far away would flatten the plot: a mark at the edge stands for it
         let far = gated.iter().map(|r| (r.1[0] / scale.size).abs()).fold(0.0, f64::max);
         let size = if size > 0.0 { size.max(far.min(3.0 * size)) } else { far };
-        let name_beyond = format!("gated, beyond: up to {} {}", short(far), scale.unit);
-        let mut beyond =
-            Series::marked(entity("beyond"), &name_beyond, GATED, 4.5, MarkerShape::Up);
+        let beyond = |sign: f64, leaf: &str, marker| {
+            let far = gated.iter().map(|r| sign * r.1[0] / scale.size).fold(0.0, f64::max);
+            let name = format!("gated, beyond: up to {} {}", short(sign * far), scale.unit);
+            Series::marked(entity(leaf), &name, GATED, 4.5, marker)
+        };
+        let mut above = beyond(1.0, "above", MarkerShape::Up);
+        let mut below = beyond(-1.0, "below", MarkerShape::Down);
         for (time, [value]) in &gated {
             let (time, value) = (Time::from_nanos(*time), value / scale.size);
-            match value.abs() > size {
-                true => beyond.push(recording, time, &[EDGE * size * value.signum()])?,
-                false => marks.push(recording, time, &[value])?,
+            match value {
+                _ if value > size => above.push(recording, time, &[EDGE * size])?,
+                _ if value < -size => below.push(recording, time, &[-EDGE * size])?,
+                _ => marks.push(recording, time, &[value])?,
             }
         }
         let range = [-size, size];
@@ -345,7 +350,9 @@ impl Innovations {
         };
         let corner = quietest(&accepted, lines, range);
         self.plot = Some(Plot { name, range, corner });
-        [line, bounds, marks, beyond].iter_mut().try_for_each(|series| series.flush(recording))
+        [line, bounds, marks, above, below]
+            .iter_mut()
+            .try_for_each(|series| series.flush(recording))
     }
 
     /// The unit that fits the last sigma.

@@ -41,7 +41,7 @@ pub fn look() -> StateConfiguration {
 /// Writes the strip of all colours with their words, each as long as its word, and the strip of
 /// seconds, over a run between those times, ns.
 pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), StreamError> {
-    let entity = path(&["colours"]);
+    let entity = path(&["colour_legend"]);
     recording.log_static(&entity, &look())?;
     let widths = Health::ALL.map(|h| LETTER * h.word().len() as f64 + 2.0 * MARGINS);
     let whole: f64 = widths.iter().sum();

@@ -8,7 +8,7 @@ use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
 use errors::Errors;
-use navfuse_core::model::record::answers::{Answers, Truth};
+use navfuse_core::model::record::answers::{Answers, Truth, Usable};
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Criterion, Verdict, VerdictLevel};
 use navfuse_core::units::time::Time;
@@ -18,8 +18,8 @@ use std::fmt::Write;
 pub const MANY: usize = 7;
 /// Sigma at the end relative to the prior, above which a state has not converged.
 const CONVERGED: f64 = 0.5;
-/// Level of a verdict whose faults are all contained: they are no reason not to use the result.
-const CONTAINED: &str = "usable, with a contained fault";
+/// Sigma at the end relative to the prior, above which it has grown.
+const GREW: f64 = 1.1;
 /// Greatest number of blocks that are named as not converged.
 const BLOCKS: usize = 12;
 
@@ -73,8 +73,11 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let Answers { usable, because, sigma, sigma_because, change } = verdict.answers();
     let contained = verdict.reasons.iter().all(|r| r.severity <= Severity::Contained);
+    // the truth of a simulation may contradict what the innovations do not
+    let care = errors.contradict() && usable == Usable::Yes;
     let level = match verdict.level {
-        VerdictLevel::Doubtful if contained => CONTAINED,
+        _ if care => VerdictLevel::Doubtful.words(),
+        VerdictLevel::Doubtful if contained => live::CONTAINED,
         level => level.words(),
     };
     let _ = writeln!(page, "# {name}: {level}\n");
@@ -88,7 +91,12 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
         sigma if sigma_because == because => format!("**{}**", sigma.words()),
         sigma => format!("**{}**{}", sigma.words(), more(&sigma_because)),
     };
-    let (usable, because) = (usable.words(), more(&because));
+    let (usable, because) = match care {
+        true => {
+            (Usable::WithCare.words(), ", errors are larger than their sigma at times".to_owned())
+        }
+        false => (usable.words(), more(&because)),
+    };
     let _ =
         writeln!(page, "Usable: **{usable}**{because} · sigma: {sigma} · look at: **{about}**\n");
     for reason in &verdict.reasons {
@@ -162,17 +170,27 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
         "{answer}: {} of {total} states ended with at most half of their prior sigma.",
         total - open
     );
-    if open > 0 {
+    let (grown, others): (Vec<_>, Vec<_>) = named.into_iter().partition(|(_, share)| *share > GREW);
+    if !others.is_empty() {
         page.push_str(" The others, with the largest last sigma over the prior: ");
-        let words: Vec<String> =
-            named.iter().take(BLOCKS).map(|(name, share)| format!("{name} ({share:.2})")).collect();
-        page.push_str(&words.join(", "));
-        match named.len().saturating_sub(BLOCKS) {
-            0 => page.push('.'),
-            more => page.push_str(&format!(", and those of {more} more blocks.")),
-        }
+        write_shares(page, &others);
+    }
+    if !grown.is_empty() {
+        page.push_str(" The sigma has grown, since nothing determines them: ");
+        write_shares(page, &grown);
     }
     page.push('\n');
+}
+
+/// Writes blocks, each with its largest last sigma over the prior.
+fn write_shares(page: &mut String, named: &[(String, f64)]) {
+    let words: Vec<String> =
+        named.iter().take(BLOCKS).map(|(name, share)| format!("{name} ({share:.2})")).collect();
+    page.push_str(&words.join(", "));
+    match named.len().saturating_sub(BLOCKS) {
+        0 => page.push('.'),
+        more => page.push_str(&format!(", and those of {more} more blocks.")),
+    }
 }
 
 #[cfg(test)]

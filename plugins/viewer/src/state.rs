@@ -20,9 +20,10 @@ const END: f64 = 0.25;
 /// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
 /// the rest of the plot.
 const BEGIN: f64 = 0.1;
-
 /// Size of an error before that, in errors and bounds after it, up to which it counts for a range.
 const EARLY: f64 = 2.0;
+/// Least range of the plot of a sigma, in powers of ten.
+const DECADES: f64 = 1.0;
 
 /// One component of a block.
 pub struct Component {
@@ -405,7 +406,10 @@ impl Plots {
         let scale = Scale { unit: "", size: 1.0 };
         let values = [over(first, begin, &value), over(end, end, &value)];
         // an error near zero has no lower bound on this axis
-        let logarithms = [(0.1 * least).max(low), high].map(f64::log10);
+        let [low, high] = [(0.1 * least).max(low), high].map(f64::log10);
+        // a sigma that hardly changes is a flat line, and no enlarged rounding
+        let spare = (0.5 * (DECADES - (high - low))).max(0.0);
+        let logarithms = [low - spare, high + spare];
         let ratio = |r: &[f64; 4]| [r[3] / r[1].hypot(own), 3.0, -3.0];
         let size = rows.iter().map(|row| ratio(&row.1)[0].abs()).fold(4.0, f64::max);
         let corners = Corners {

@@ -153,7 +153,7 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         "/plan/scale",
         "/world/tube",
         "/clock",
-        "/colours",
+        "/colour_legend",
         "/states",
         "/health/dvl",
         "/health/imu",

@@ -13,8 +13,7 @@ use navfuse_core::model::sensor::mounting::{Beam, Reach};
 use navfuse_core::prelude::*;
 use navfuse_core::{Real, input, number};
 use navfuse_ins::Navigation;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Altimeter over a mapped bottom: the range along its beam, down or aslant. It finds the position
@@ -47,16 +46,6 @@ pub struct Terrain {
     pub navigation: String,
 }
 
-/// The bytes of a file.
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    let mut bytes = Vec::new();
-    let read = input::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes));
-    match read.map_err(|e| e.to_string())? as u64 {
-        0..=LONGEST => Ok(bytes),
-        _ => Err(format!("it has more than the {} MiB that are allowed", LONGEST >> 20)),
-    }
-}
-
 fn exact() -> Sigma<Length> {
     Sigma::from_si(0.0)
 }
@@ -84,8 +73,9 @@ impl SensorType for Terrain {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let path = composer.file("map", &self.map)?;
-        let named = |e| ComposeError::new("map", format!("{}: {e}", path.display()));
-        let map = Arc::new(read(&path).and_then(|map| Grid::read(&map)).map_err(named)?);
+        let named = |e: String| ComposeError::new("map", format!("{}: {e}", path.display()));
+        let bytes = input::read_bytes(&path, LONGEST).map_err(|e| named(e.to_string()))?;
+        let map = Arc::new(Grid::read(&bytes).map_err(named)?);
         let beam =
             Vector3::from(self.beam.map(Ratio::si)).try_normalize(0.0).filter(|u| u.norm() > 0.5);
         let beam = beam.ok_or_else(|| {

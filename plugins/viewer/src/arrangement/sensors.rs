@@ -31,12 +31,12 @@ impl Layout {
                 Some(plot) => {
                     self.corner = plot.corner;
                     let contents = [format!("+ {}/**", channel.path)];
-                    let name = format!("{} {}", sensor.name, plot.name);
+                    let name = format!("innovation of {} {}", sensor.name, plot.name);
                     plots.push(self.plot(&name, &contents, Some(plot.range)));
                 }
                 None => {
                     let contents = [format!("+ {}", sensor.live_entity(k))];
-                    let name = format!("{} {}", sensor.name, sensor.channel_label(k));
+                    let name = format!("innovation of {} {}", sensor.name, sensor.channel_label(k));
                     plots.push(self.plot(&name, &contents, None));
                 }
             }

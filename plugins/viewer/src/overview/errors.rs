@@ -14,6 +14,8 @@ use std::fmt::Write;
 const STATES: usize = 5;
 /// Number of states that the answer names.
 const NAMED: usize = 3;
+/// Ratio of the reference's sigma to that of the estimate from which on the reference tests nothing.
+const COARSE: f64 = 3.0;
 /// Share of epochs outside 3 sigma up to which an error agrees with its sigma; a correlated error
 /// of the right size is outside for 0.3 % of the time on the average, and for more in some runs.
 const OUTSIDE: f64 = 0.03;
@@ -85,13 +87,21 @@ impl Errors {
             Truth::TooSmall => format!("No, {because}"),
         };
         let (wrong, all, share) = (self.wrong.len(), self.largest.len(), 100.0 * OUTSIDE);
-        let chance = if wrong > 0 && !self.contradict() { ", as chance makes them" } else { "" };
+        let named = match wrong {
+            0 => String::new(),
+            _ => format!(" ({})", self.named(blocks)),
+        };
+        let chance = if wrong > 0 && !self.contradict() {
+            ", as chance lets some of correlated errors"
+        } else {
+            ""
+        };
         let _ = match (all, self.simulated) {
             (0, _) => writeln!(page, "{answer}. There is no truth."),
             (_, true) => writeln!(
                 page,
                 "{answer}: {wrong} of {all} states were outside 3 sigma for more than {share:.0} % of \
-                 the time{chance}."
+                 the time{named}{chance}."
             ),
             (_, false) => writeln!(page, "{answer}. {}", self.beside(blocks)),
         };
@@ -102,25 +112,42 @@ impl Errors {
         let Accuracy { position, velocity, attitude } = self.reference.unwrap_or_default();
         let accuracy =
             format!("{position} m, {velocity} m/s and {} deg", short(attitude.to_degrees()));
+        let all = self.largest.len();
         if self.wrong.is_empty() {
-            return format!(
-                "The reference's own error ({accuracy}) explains what it differs by, in all {} states.",
-                self.largest.len()
-            );
+            let coarse = |(b, k, _): &&(usize, usize, Worst)| {
+                let tally = blocks.get(*b).map(|block| &block.components[*k].tally);
+                tally.is_some_and(|tally| tally.reference > COARSE * tally.sigma)
+            };
+            return match self.largest.iter().filter(coarse).count() {
+                0 => format!(
+                    "The reference's own error ({accuracy}) explains what it differs by, in all {all} \
+                     states."
+                ),
+                coarse => format!(
+                    "The reference agrees within its own error ({accuracy}), which is too large to test \
+                     the sigma of {coarse} of {all} states."
+                ),
+            };
         }
-        let named = self.wrong.iter().take(NAMED).map(|(b, k)| blocks[*b].full_name(*k));
+        format!(
+            "{} of {} states differ from the reference by more than 3 sigma of both for over {:.0} % of \
+             the time: the reference's own error ({accuracy}) does not explain {}.",
+            self.wrong.len(),
+            self.largest.len(),
+            100.0 * OUTSIDE,
+            self.named(blocks)
+        )
+    }
+
+    /// The states that were outside, the first few.
+    fn named(&self, blocks: &[BlockSeries]) -> String {
+        let named =
+            self.wrong.iter().take(NAMED).filter_map(|(b, k)| Some(blocks.get(*b)?.full_name(*k)));
         let more = match self.wrong.len().saturating_sub(NAMED) {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
-        format!(
-            "{} of {} states differ from the reference by more than 3 sigma of both for over {:.0} % of \
-             the time: the reference's own error ({accuracy}) does not explain {}{more}.",
-            self.wrong.len(),
-            self.largest.len(),
-            100.0 * OUTSIDE,
-            named.collect::<Vec<_>>().join(", ")
-        )
+        named.collect::<Vec<_>>().join(", ") + &more
     }
 }
 
@@ -148,8 +175,8 @@ pub fn states(run: &Run) -> String {
     others.retain(|place| !shown.contains(place));
     shown.extend(others.into_iter().take(STATES));
     let [error, largest] = match run.simulated {
-        true => ["error ± 1 sigma, end", "largest (in sigmas)"],
-        false => ["minus reference ± 1 sigma, end", "largest (in sigmas of both)"],
+        true => ["error ± 1 sigma, end", "largest (sigmas)"],
+        false => ["minus reference ± 1 sigma", "largest (sigmas of both)"],
     };
     let mut page = match known {
         true => format!("| state | {error} | {largest} | at |\n"),

@@ -1,6 +1,5 @@
 //! The headline of a run that goes on: the verdict so far and since when, and what the sensors do now.
 
-use super::CONTAINED;
 use crate::axis::{self, short};
 use crate::run::Run;
 use navfuse_core::model::record::finding::{Finding, Severity};
@@ -8,6 +7,9 @@ use navfuse_core::model::record::health::Health;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
+
+/// Level of a verdict whose faults are all contained: they are no reason not to use the result.
+pub const CONTAINED: &str = "usable, with a contained fault";
 
 /// Writes the headline.
 pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {

@@ -78,11 +78,11 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Sensors", "dvl"],
         &[
-            ("dvl velocity x [mm/s]", &[RED, BOUND, GATED]),
+            ("innovation of dvl velocity x [mm/s]", &[RED, BOUND, GATED]),
             ("dvl NIS per channel [10^y]", &[BLUE, MARK, BAND, GATED]),
         ],
     ),
-    (&["Sensors", "depth"], &[("depth depth [mm]", &[RED, BOUND])]),
+    (&["Sensors", "depth"], &[("innovation of depth depth [mm]", &[RED, BOUND])]),
     (&["Sensors", "Samples"], &[("dvl samples [m/s]", &[RED, GREEN, BLUE])]),
     (&["Observability"], &[("What is determined", &[])]),
     (&["Events"], &[]),

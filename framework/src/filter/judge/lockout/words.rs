@@ -7,7 +7,7 @@ use crate::model::record::{Event, Level, Observer};
 /// Reasons of an isolation.
 pub(super) const CONTRADICTED: &str = "other sensors contradict it";
 pub(super) const JUMPED: &str =
-    "its innovation jumped between two samples, and an error of the filter grows gradually";
+    "its innovation jumped between two samples, and an error of the filter would grow gradually";
 
 /// Remedy where the first samples were wrong, or the prior was.
 pub(super) const EARLIER: &str = "check the earlier samples, which the filter followed, and exclude them if \
