@@ -262,3 +262,19 @@ fn a_heading_that_no_file_shows_is_counted_from_unless_an_answer_gives_it() {
     let wrong = crate::common::navfuse(&wrong);
     assert!(crate::common::stderr(&wrong).contains("a heading and its 1-sigma"));
 }
+
+/// A lake whose surface is 1400 m above the ellipsoid: the depth counts from there.
+#[test]
+fn a_depth_in_a_lake_counts_from_its_surface() {
+    let recorded = simulated(&DIVE.replace("\"-10 m\"", "\"1390 m\""));
+    let depth = Table { headings: DEPTH.headings, cells: |v, _| list(&[v[0] + 1400.0]) };
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = folder.path().join("reference.csv");
+    reference(&truth, &recorded, 0);
+    let files =
+        [("imu", "imu.csv", &IMU), ("dvl", "log.csv", &LOG), ("depth", "depth.csv", &depth)];
+    let files =
+        files.map(|(sensor, name, table)| put(folder.path(), name, &recorded[sensor], table));
+    let sigma = run_from(&files, &truth, Some([START[0], START[1], 1390.0]));
+    assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{sigma:?}");
+}

@@ -20,6 +20,8 @@ const SLOWEST: f64 = 1.0;
 /// Least number of intervals, and least correlation.
 const LEAST: usize = 15;
 const CORRELATED: f64 = 0.5;
+/// Correlation from which two motions are one.
+const RELATED: f64 = 0.8;
 /// Root mean square of the changes of velocity, m/s, from which a vehicle manoeuvres.
 const MANOEUVRE: f64 = 0.05;
 /// Largest 1-sigma, rad, of a turn that is determined: 4 deg.
@@ -315,10 +317,11 @@ pub fn against_right(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> f64 
     let cost = |sign: f64| {
         let sums = log_sums(imu, force, rows, sign).filter(|sums| sums.count >= LEAST)?;
         // the pairs overlap: half of them are independent, with two accelerations each
-        Some((sums.count as f64 * sums.rest().ln(), sums.turn()))
+        Some((sums.count as f64 * sums.rest().ln(), sums.correlation()))
     };
     match cost(1.0).zip(cost(-1.0)) {
-        Some(((own, _), (other, Some(_)))) => own - other,
+        // on two clocks, the motions of both are not related
+        Some(((own, a), (other, b))) if a.max(b) > RELATED => own - other,
         _ => 0.0,
     }
 }

@@ -19,7 +19,7 @@ mod wide;
 
 pub use inertial::Inertial;
 pub use measured::Measured;
-use measured::{LEAST, MEAN, Pair};
+use measured::{APART, LEAST, MEAN, Pair};
 
 /// Largest offset that is searched, s.
 const LARGEST: f64 = 5.0;
@@ -131,7 +131,11 @@ pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
         let compared = compared.scattered((2.0 * MEAN as f64).sqrt());
         Some(compared).filter(|clock| clock.offset[1] < SHARP)
     };
-    compare_apart(imu, &spaced, 1).or_else(smoothed)
+    // of the changes over so many intervals, each shares all but one with the next
+    let apart = || Some(compare_apart(imu, &spaced, APART)?.scattered((2.0 * APART as f64).sqrt()));
+    let velocity = matches!(spaced, Measured::Velocity(_));
+    let others = || if velocity { apart() } else { smoothed() };
+    compare_apart(imu, &spaced, 1).or_else(others)
 }
 
 /// Compares the clocks by samples that are some places apart.

@@ -27,6 +27,9 @@ const SLOW: f64 = 4.0;
 /// Recording, s, that is too short for the usual alignment by the course.
 const SHORT: f64 = 25.0;
 
+/// Height of the surface of the water, m, from which it is no tide, and its 1-sigma.
+const SURFACE: f64 = 10.0;
+
 /// The scenario of a recording, with what its samples show, the questions in it, and other answers to
 /// one of them.
 pub fn scenario(
@@ -47,6 +50,9 @@ pub fn scenario(
     for part in &recording.parts {
         let apart = recording.part("imu").is_some_and(|imu| imu.file != part.file);
         sensor(&mut out, part, stream(part.name), apart);
+        if part.name == "depth" {
+            surface(&mut out, &stream, answers);
+        }
     }
     sources(&mut out, recording);
     out
@@ -299,6 +305,30 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>, apart: boo
             lever_arm(out, part, "its point from the IMU");
         }
         _ => {}
+    }
+}
+
+/// The bias of a depth whose water has its surface above or below height zero, as a lake and the sea above most of the
+/// ellipsoid: the height at the start and the depth there.
+fn surface<'a>(
+    out: &mut Text,
+    stream: &impl Fn(&str) -> Option<&'a StreamSurvey>,
+    answers: &Answers,
+) {
+    let first = |name: &str| {
+        let survey = stream(name)?;
+        survey.first.get(survey.channel("height")?)
+    };
+    let answered = || answers.position.map(|[.., height]| height);
+    let height = first("gnss").or_else(|| first("reference")).or_else(answered);
+    let depth = stream("depth").and_then(|s| s.first.get(0));
+    let Some(level) = height.zip(depth).map(|(height, depth)| height + depth) else { return };
+    if level.abs() > SURFACE {
+        let line = format!("bias = {{ initial = \"{level:.1} m\", sigma = \"{SURFACE:.0} m\" }}");
+        out.ask(
+            &line,
+            "height of the surface of the water, by the height and the depth at the start",
+        );
     }
 }
 

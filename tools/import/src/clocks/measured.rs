@@ -9,6 +9,9 @@ const SAMPLES: usize = 1 << 15;
 const SPACING: f64 = 0.98;
 /// Number of ground velocities of a mean.
 pub(super) const MEAN: usize = 3;
+/// Number of samples after which a velocity has changed by more than its noise, where that to the next one does not show
+/// the clock.
+pub(super) const APART: usize = 4;
 /// Speed over ground, m/s, below which a course is no heading.
 const SLOWEST: f64 = 1.0;
 
@@ -204,13 +207,16 @@ impl Measured {
     ) -> Option<[[f64; 2]; 2]> {
         let [first, second] = pair;
         if let Self::Velocity(rows) = self {
-            let (a, b) = (rows.get(first)?, rows.get(second)?);
-            let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
-            let ([change, _], y) = (Self::change(rows, pair, &from, &to)?, levelled.get(first)?);
-            return Some([
-                [0, 1].map(|i| change[i] + y[i]),
-                [0, 1].map(|i| to[i + 3] - from[i + 3]),
-            ]);
+            let from = imu.at(rows.get(first)?[0] - tau)?;
+            let (mut own, mut at) = ([0.0; 2], from);
+            for k in first..second {
+                let next = imu.at(rows.get(k + 1)?[0] - tau)?;
+                let ([change, _], y) =
+                    (Self::change(rows, [k, k + 1], &at, &next)?, levelled.get(k)?);
+                own = [0, 1].map(|i| own[i] + change[i] + y[i]);
+                at = next;
+            }
+            return Some([own, [0, 1].map(|i| at[i + 3] - from[i + 3])]);
         }
         let (a, b) = (self.heading_of(first)?, self.heading_of(second)?);
         let (from, to) = (imu.at(a[0] - tau)?, imu.at(b[0] - tau)?);
