@@ -42,7 +42,7 @@ impl Target {
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
-pub const TARGETS: [Target; 32] = [
+pub const TARGETS: [Target; 33] = [
     target("pd0", 100, memory::pd0),
     target("pd4", 100, memory::pd4),
     target("pd6", 100, memory::pd6),
@@ -65,6 +65,7 @@ pub const TARGETS: [Target; 32] = [
     target("vectornav-binary", 100, memory::vectornav_binary),
     target("mip", 100, memory::mip),
     target("lcm", 100, memory::lcm),
+    target("imc", 100, memory::imc),
     target("grid", 50, memory::grid),
     target("nmea-sentences", 100, memory::nmea_sentences),
     target("nmea", 4, files::nmea),

@@ -39,7 +39,7 @@ formats!(pings, dvl::Format: pd0 Pd0, pd4 Pd4, pd6 Pd6, ad2cp Ad2cp, nortek_nmea
     water_linked_json WaterLinkedJson, water_linked_serial WaterLinkedSerial);
 formats!(messages, vehicle::Format: ulog Ulog, tlog Tlog, novatel Novatel, vectornav Vectornav,
     sbet Sbet, kf_gins KfGins, dataflash Dataflash, ubx Ubx, nucleus Nucleus, psins Psins, sbf Sbf,
-    sbg_ecom SbgEcom, vectornav_binary VectornavBinary, mip Mip);
+    sbg_ecom SbgEcom, vectornav_binary VectornavBinary, mip Mip, imc Imc);
 
 /// The types of the messages in the corpus of LCM.
 const LCM: &str = "package vehicle; struct vector_t { float x, y, z; }\n\

@@ -35,6 +35,7 @@ const CHOICES: [Choice; 6] = [
             ("VN-IMU", None),
             ("MIP-IMU", None),
             ("MIP-DELTA", None),
+            ("AngularVelocity", Some("Acceleration")),
         ],
     ),
     (
@@ -44,6 +45,7 @@ const CHOICES: [Choice; 6] = [
             ("VISO", None),
             ("NUCLEUS-BOTTOM-TRACK", None),
             ("DVL_BOTTOM_TRACK", None),
+            ("GroundVelocity", None),
         ],
     ),
     (
@@ -54,6 +56,7 @@ const CHOICES: [Choice; 6] = [
             ("BARO", None),
             ("NUCLEUS-AHRS", None),
             ("DEPTH", None),
+            ("Depth", None),
         ],
     ),
     (
@@ -71,6 +74,7 @@ const CHOICES: [Choice; 6] = [
             ("GPS1_POS", Some("GPS1_VEL")),
             ("VN-GPS", None),
             ("MIP-GNSS", None),
+            ("GpsFix", None),
         ],
     ),
     (
@@ -88,6 +92,7 @@ const CHOICES: [Choice; 6] = [
             ("EKF_NAV", Some("EKF_EULER")),
             ("VN-INS", None),
             ("MIP-FILTER", None),
+            ("EstimatedState", None),
         ],
     ),
     (
@@ -100,13 +105,14 @@ const CHOICES: [Choice; 6] = [
             ("EKF_EULER", None),
             ("VN-ATTITUDE", None),
             ("MIP-FILTER", None),
+            ("EulerAngles", None),
         ],
     ),
 ];
 /// The messages with increments instead of rates; `IMU` of KF-GINS alone.
 const INCREMENTS: [&str; 5] = ["RAWIMUSX", "RAWIMUX", "PSINS", "VN-DELTA", "MIP-DELTA"];
 /// The receivers with a velocity.
-const MOVING: [&str; 10] = [
+const MOVING: [&str; 11] = [
     "sensor_gps",
     "vehicle_gps_position",
     "GPS_RAW_INT",
@@ -117,6 +123,7 @@ const MOVING: [&str; 10] = [
     "VNGPS",
     "VN-GPS",
     "MIP-GNSS",
+    "GpsFix",
 ];
 /// The messages that complete a receiver with a velocity.
 const VELOCITIES: [&str; 2] = ["BESTVEL", "GPS1_VEL"];
@@ -148,7 +155,7 @@ fn measures(topic: &Topic, values: &[f64]) -> bool {
     let place = first(&["lat", "Lat", "latitude", "latitude_deg"]);
     // the status of a DataFlash message counts where it has a place
     let fix = first(&["fix_type", "fixType"]).or(place.and(field("Status")));
-    let valid = first(&["status", "computed", "Mode"]).is_none_or(|status| status >= 1.0);
+    let valid = first(&["status", "computed", "Mode", "valid"]).is_none_or(|status| status >= 1.0);
     let pressure = field("press_abs").or(field("Press").map(|pascals| 0.01 * pascals));
     let fixed = place != Some(0.0) && fix.is_none_or(|kind| kind >= 3.0);
     // of the pressures of a submarine vehicle, one measures the air

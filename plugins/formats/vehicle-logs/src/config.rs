@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Reads the log of an autopilot or of an inertial unit: PX4 ULog, ArduPilot DataFlash, MAVLink
 /// telemetry log, NovAtel, VectorNav, SBG, MicroStrain, u-blox, Septentrio, Nortek Nucleus, KF-GINS,
-/// PSINS, SBET, LCM.
+/// PSINS, SBET, LCM, DUNE (IMC).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleLog {
@@ -62,7 +62,8 @@ pub enum StampUse {
 pub struct SensorConfig {
     /// Name of the message, such as `sensor_combined` or `HIGHRES_IMU`.
     pub message: String,
-    /// Instance of the message: the instance of ULog, the system of MAVLink. Default: the first one
+    /// Instance of the message: the instance of ULog, the system of MAVLink, the
+    /// entity of IMC. Default: the first one
     /// in the file.
     pub instance: Option<u32>,
     /// Name of a second message that fills the channels the first one lacks, interpolated to its

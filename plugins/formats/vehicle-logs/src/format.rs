@@ -2,6 +2,7 @@
 
 use crate::dataflash::Dataflash;
 use crate::doubles::{Doubles, KF_GINS, SBET};
+use crate::imc::Imc;
 use crate::lcm::Lcm;
 use crate::mavlink::Tlog;
 use crate::mip::Mip;
@@ -54,11 +55,13 @@ pub enum Format {
     Mip,
     /// Event logs of LCM.
     Lcm,
+    /// Logs of DUNE: packets of IMC.
+    Imc,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Ulog,
         Self::Tlog,
         Self::Novatel,
@@ -74,6 +77,7 @@ impl Format {
         Self::VectornavBinary,
         Self::Mip,
         Self::Lcm,
+        Self::Imc,
     ];
 
     /// The name in a scenario.
@@ -94,6 +98,7 @@ impl Format {
             Self::VectornavBinary => "vectornav-binary",
             Self::Mip => "mip",
             Self::Lcm => "lcm",
+            Self::Imc => "imc",
         }
     }
 
@@ -107,7 +112,7 @@ impl Format {
             | Self::Dataflash
             | Self::Ubx => "message",
             Self::Novatel | Self::SbgEcom => "log",
-            Self::Mip => "packet",
+            Self::Mip | Self::Imc => "packet",
             Self::Sbet | Self::KfGins | Self::Nucleus => "record",
             Self::Sbf => "block",
             Self::Psins => "line",
@@ -138,6 +143,7 @@ impl Format {
             Self::VectornavBinary => Box::new(VectornavBinary::new(reader, options)),
             Self::Mip => Box::new(Mip::new(reader, options)),
             Self::Lcm => Box::new(Lcm::new(reader, options)),
+            Self::Imc => Box::new(Imc::new(reader, options)),
         }
     }
 

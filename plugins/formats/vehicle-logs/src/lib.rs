@@ -41,6 +41,7 @@ mod connected;
 mod dataflash;
 mod doubles;
 mod format;
+mod imc;
 mod join;
 mod known;
 mod lcm;

@@ -41,14 +41,20 @@ impl Topics {
 
     /// The topic and the kind of a number; `None` for one that is not read.
     pub fn of(&mut self, id: u32) -> Option<(usize, &'static Packed)> {
+        self.of_instance(id, 0)
+    }
+
+    /// The same of one of several devices.
+    pub fn of_instance(&mut self, id: u32, instance: u32) -> Option<(usize, &'static Packed)> {
         let kind = self.kinds.iter().find(|kind| kind.id == id)?;
         if !self.options.selects(kind.name) {
             return None;
         }
-        let known = self.found.iter().position(|topic| topic.name == kind.name);
+        let same = |topic: &Topic| topic.instance == instance && topic.name == kind.name;
+        let known = self.found.iter().position(same);
         let index = known.unwrap_or_else(|| {
             let fields = kind.places.iter().map(|(name, ..)| (*name).to_owned()).collect();
-            self.found.push(Topic { name: kind.name.to_owned(), instance: 0, fields });
+            self.found.push(Topic { name: kind.name.to_owned(), instance, fields });
             self.found.len() - 1
         });
         Some((index, kind))

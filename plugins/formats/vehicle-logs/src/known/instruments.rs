@@ -26,8 +26,59 @@ const TRACK: &[Entry] = &[
     field("vel_z", "velocity_z", 1.0),
 ];
 
+/// The estimate of DUNE: offsets from a place.
+const PLACE: [&str; 4] = ["x", "y", "lat", "lon"];
+
 /// The known messages.
 pub const KNOWN: &[Known] = &[
+    known(
+        "AngularVelocity",
+        &[field("gyro_x", "x", 1.0), field("gyro_y", "y", 1.0), field("gyro_z", "z", 1.0)],
+    ),
+    known(
+        "Acceleration",
+        &[field("accel_x", "x", 1.0), field("accel_y", "y", 1.0), field("accel_z", "z", 1.0)],
+    ),
+    known(
+        "GroundVelocity",
+        &[field("vel_x", "x", 1.0), field("vel_y", "y", 1.0), field("vel_z", "z", 1.0)],
+    ),
+    known(
+        "WaterVelocity",
+        &[field("vel_x", "x", 1.0), field("vel_y", "y", 1.0), field("vel_z", "z", 1.0)],
+    ),
+    known("Depth", &[field("depth", "value", 1.0)]),
+    known("EulerAngles", &attitude(["phi", "theta", "psi"], 1.0)),
+    valid(
+        "valid",
+        1.0,
+        known(
+            "GpsFix",
+            &[
+                field("lat", "lat", 1.0),
+                field("lon", "lon", 1.0),
+                field("height", "height", 1.0),
+                entry("vel_n", Term::Component(0, "sog", "cog", 1.0), 1.0),
+                entry("vel_e", Term::Component(1, "sog", "cog", 1.0), 1.0),
+                field("h_acc", "hacc", 1.0),
+                field("v_acc", "vacc", 1.0),
+            ],
+        ),
+    ),
+    known(
+        "EstimatedState",
+        &[
+            entry("lat", Term::Projected(0, PLACE), 1.0),
+            entry("lon", Term::Projected(1, PLACE), 1.0),
+            entry("height", Term::Minus("height", "z"), 1.0),
+            field("vel_n", "vx", 1.0),
+            field("vel_e", "vy", 1.0),
+            field("vel_d", "vz", 1.0),
+            field("roll", "phi", 1.0),
+            field("pitch", "theta", 1.0),
+            field("yaw", "psi", 1.0),
+        ],
+    ),
     known("IMU", RATES),
     known("IMU2", RATES),
     known("IMU3", RATES),

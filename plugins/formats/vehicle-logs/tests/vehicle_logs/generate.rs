@@ -1,6 +1,8 @@
 //! Writers of logs, from the descriptions of the formats.
 
 // other tests include this file by its path
+#[path = "dune.rs"]
+pub mod dune;
 #[path = "units.rs"]
 pub mod units;
 
@@ -605,7 +607,7 @@ pub fn psins(count: u32) -> Vec<u8> {
 }
 
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 16] {
+pub fn logs() -> [(&'static str, Vec<u8>); 17] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
@@ -623,5 +625,6 @@ pub fn logs() -> [(&'static str, Vec<u8>); 16] {
         ("vectornav-binary", units::vectornav_binary(1)),
         ("mip", units::mip(2, false)),
         ("lcm", units::lcm(60)),
+        ("imc", dune::log(1)),
     ]
 }

@@ -5,6 +5,7 @@ mod connected;
 mod damage;
 mod foreign;
 mod generate;
+mod imc;
 mod inertial;
 mod lcm;
 mod mscl;
@@ -42,6 +43,7 @@ fn speed_of_reading() {
         ("vectornav-binary", generate::units::vectornav_binary(600)),
         ("mip", generate::units::mip(600, false)),
         ("lcm", generate::units::lcm(30_000)),
+        ("imc", generate::dune::log(600)),
     ] {
         let format = Format::ALL.into_iter().find(|f| f.name() == name).unwrap();
         let (all, size) = (read(format, &log).0.len(), log.len());
