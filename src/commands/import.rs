@@ -3,7 +3,7 @@
 use crate::error::{CommandError, Result};
 use crate::execution::campaign::threads;
 use crate::output;
-use crate::output::progress::{INTERRUPTED, stop_on_signal};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
 use navfuse_core::document::Document;
 use navfuse_core::input::text_of;
@@ -11,7 +11,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_import::{Answers, Heading, Imported, OdometryUse, StreamSurvey};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// 1-sigma of a heading that is given without one, deg.
 const HEADING: f64 = 5.0;
@@ -78,6 +78,9 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let imported = navfuse_import::import(registry, &arguments.files, &out, &answers, &stop)?;
     let Some(mut imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
     decide(registry, &out, &mut imported, &stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
     output::write(&out, &imported.scenario)?;
     print(&imported);
     output::line(next(&out, imported.questions.len()));
@@ -96,7 +99,11 @@ fn decide(
     }
     let document = Document::parse(out.display().to_string(), imported.scenario.clone())?;
     let answers = &imported.alternatives;
-    let found = navfuse_diagnose::likeliest(registry, &document, answers, threads(None)?, stop)?;
+    let (bar, threads) = (Bar::new(true), threads(None)?);
+    let show = |done, all| bar.trials(done, all);
+    let found = navfuse_diagnose::likeliest(registry, &document, answers, threads, stop, &show);
+    bar.done();
+    let found = found?;
     if let Some(answer) = found {
         imported.scenario =
             navfuse_diagnose::apply(&imported.scenario, std::slice::from_ref(answer))?;

@@ -11,10 +11,11 @@ use crate::trial::{Outcome, run};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Runs a scenario as it is and with each of some assignments `key.path=value`, and returns the one under
-/// which the samples are likeliest, if it leads the scenario as it is by odds of 150 : 1.
+/// which the samples are likeliest, if it leads the scenario as it is by odds of 150 : 1. It
+/// calls `progress` with the number of runs that are done, and of all.
 ///
 /// # Errors
 /// When the scenario does not compose, or its samples cannot be read.
@@ -24,6 +25,7 @@ pub fn likeliest<'a>(
     answers: &'a [String],
     threads: usize,
     stop: &AtomicBool,
+    progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Option<&'a String>, DiagnoseError> {
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording = Recording::read(scenario.assemble(None)?)?;
@@ -34,8 +36,10 @@ pub fn likeliest<'a>(
     let scales = run(&scene, &unchanged, end, &Channels::new(), stop)?.scales;
     let patch = |answer: &String| Patch::new(answer.clone(), vec![answer.clone()]);
     let patches: Vec<Patch> = [unchanged].into_iter().chain(answers.iter().map(patch)).collect();
+    let done = AtomicUsize::new(0);
     let runs: Vec<(usize, Outcome)> = parallel::each(patches.len(), threads, stop, |at| {
         let outcome = run(&scene, &patches[at], end, &scales, stop).ok();
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, patches.len());
         outcome.filter(|outcome| !outcome.interrupted).map(|outcome| (at, outcome))
     });
     let wanted = most(&scene, runs.iter().map(|(_, outcome)| outcome));

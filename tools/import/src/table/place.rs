@@ -5,7 +5,7 @@ use super::units::median;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Metres of a radian of latitude, and of a degree.
-const RADIAN: f64 = 6.371e6;
+pub(super) const RADIAN: f64 = 6.371e6;
 const DEGREE: f64 = RADIAN * PI / 180.0;
 /// Speed, m/s, that no vehicle exceeds for half of a recording.
 const FASTEST: f64 = 350.0;

@@ -1,13 +1,12 @@
 //! What positions show: the unit of the velocity beside them, and coordinates of the Earth without a name.
 
 use super::columns::{Chosen, ECEF, Table, turned};
+use super::place::RADIAN;
 use super::units::{self, AID_INTERVAL, Decided, Evidence, settle};
 use super::vocabulary::Meaning;
 use navfuse_core::document::quoted;
 use std::ops::RangeInclusive;
 
-/// Metres of a radian of latitude.
-const RADIAN: f64 = 6.371e6;
 /// Units of a speed.
 const SPEEDS: [&str; 7] = ["m/s", "km/h", "kn", "ft/s", "mi/h", "cm/s", "mm/s"];
 /// Time over which a way is compared, s, and the least number of ways.
