@@ -237,17 +237,32 @@ impl Ekf {
     /// Goes on with the estimate of a filter that has known the offset of the sensor's clock, if one was
     /// found with this sample.
     pub(in crate::filter) fn adopt_offset(&mut self, index: usize) {
-        let Parts { estimate, sensors, signatures, watch, history, .. } = &mut self.parts;
-        let Some(mut delta) = signatures.as_mut().and_then(|tests| tests.adopt(index)) else {
-            return;
-        };
+        if let Some(delta) = self.parts.signatures.as_mut().and_then(|tests| tests.adopt(index)) {
+            self.go_on(delta, true);
+        }
+    }
+
+    /// Corrects the fixed blocks that were found to be wrong, and what their errors have moved the state by.
+    pub(in crate::filter) fn correct_parameters(&mut self) {
+        let Parts { estimate, signatures, .. } = &mut self.parts;
+        let tests = signatures.as_mut().filter(|_| estimate.offset.is_none());
+        if let Some(found) = tests.and_then(|t| t.correct(&mut estimate.state, &self.layout)) {
+            self.go_on(found.delta, found.news);
+        }
+    }
+
+    /// Goes on with the estimate of a filter that has known an error, which may be news.
+    fn go_on(&mut self, mut delta: Vec<f64>, news: bool) {
+        let Parts { estimate, sensors, watch, history, .. } = &mut self.parts;
         self.layout.inject(&mut estimate.state, &mut delta, &mut estimate.covariance);
         if let Some(history) = history {
             history.corrected(&delta);
         }
-        // the means of the innovations up to here are those of the offset
-        sensors.iter_mut().filter_map(|slot| slot.bias.as_mut()).for_each(BiasTest::restart);
-        watch.widened();
+        if news {
+            // the means of the innovations up to here are those of the error
+            sensors.iter_mut().filter_map(|slot| slot.bias.as_mut()).for_each(BiasTest::restart);
+            watch.widened();
+        }
     }
 
     /// Adds the priors of what this sensor measures to the covariance: its samples before were wrong. Where

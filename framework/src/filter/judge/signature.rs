@@ -16,7 +16,10 @@
 //!
 //! An error may begin at any time, so four sums run in parallel, which begin at different times.
 
+mod calibration;
+mod calibrations;
 mod charts;
+mod constants;
 mod contain;
 mod effect;
 mod lanes;
@@ -28,9 +31,10 @@ mod shift;
 mod shifts;
 mod signatures;
 mod spread;
+mod tested;
 mod treatment;
 mod wrong;
 
 pub(in crate::filter) use signatures::Signatures;
-pub(crate) use signatures::untested;
+pub(crate) use tested::untested;
 pub(in crate::filter) use treatment::{Explained, Refusal, Treatment};

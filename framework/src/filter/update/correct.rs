@@ -83,6 +83,7 @@ impl Ekf {
             self.conclude(&attempt, &judgement, observer)?;
         }
         self.adopt_offset(attempt.index);
+        self.correct_parameters();
         self.decide(observer);
         Ok(())
     }

@@ -169,7 +169,7 @@ impl ProcessType for Strapdown {
         let mechanisation = self.mechanisation.integrator(wanders)?;
         let screening = imu.screening();
         let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
-        let rates = LastRates::default();
+        let rates = LastRates::new(imu.gyro_noise().amax());
         let model =
             StrapdownModel { imu, navigation, gravity, places, mechanisation, isotropic, rates };
         let built = match model.imu.coast {

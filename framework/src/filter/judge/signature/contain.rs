@@ -75,22 +75,32 @@ impl Containment {
         (effect, score, sum): (&Effect<W>, &Score, usize),
         covariance: &mut Covariance,
     ) {
+        let variance = score.size().powi(2) + score.variance();
+        self.contain_along(|i| f64::from(effect.s[i][sum]), variance, covariance);
+    }
+
+    /// Widens the covariance if it does not contain an error of that variance, which has moved the state along `s`.
+    pub(super) fn contain_along(
+        &mut self,
+        s: impl Fn(usize) -> f64,
+        variance: f64,
+        covariance: &mut Covariance,
+    ) {
         if self.off {
             return;
         }
         let Self { p, lower, white, .. } = self;
         let n = covariance.dimension();
-        let variance = score.size().powi(2) + score.variance();
         p.clear();
         p.extend(covariance.rows().flatten());
         white.clear();
-        white.extend(effect.s.iter().map(|s| f64::from(s[sum])));
+        white.extend((0..n).map(&s));
         if !cholesky(p, n, lower) {
             return;
         }
         forward(lower, n, white);
         if variance * white.iter().map(|w| w * w).sum::<f64>() > 1.0 {
-            self.widen(covariance, variance, |i| f64::from(effect.s[i][sum]));
+            self.widen(covariance, variance, s);
         }
     }
 

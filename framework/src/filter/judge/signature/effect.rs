@@ -75,6 +75,28 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// An error that has moved the states by so much, if one of them is doubtful.
+    pub(super) fn new(
+        (sum, score): (usize, Score),
+        moved: impl Fn(usize) -> f64,
+        (covariance, considered): (&Covariance, &[bool]),
+        refused: bool,
+    ) -> Option<Self> {
+        let error = |row: usize| {
+            let sigma = covariance.get(row, row).sqrt();
+            if sigma > 0.0 && !considered[row] { (moved(row) / sigma).abs() } else { 0.0 }
+        };
+        let (size, row) = (0..considered.len())
+            .map(|row| (error(row), row))
+            .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
+        let severity = match size {
+            e if e >= USELESS => Severity::DoNotUse,
+            e if e >= DOUBTFUL || refused => Severity::Doubtful,
+            _ => return None,
+        };
+        Some(Self { severity, score, sum, size, row })
+    }
+
     /// The state that the error has moved farthest, and how far.
     pub(super) fn moved(&self, layout: &Layout) -> String {
         format!("{} by {:.1} times its sigma", name(layout, self.row), self.size)
@@ -164,6 +186,12 @@ impl<const W: usize> Effect<W> {
         self.take_both(sample, Some(f), g);
     }
 
+    /// `L^-1 f` and `L^-1 g` of the last sample.
+    pub(super) fn white(&self, along: bool) -> [&Seen<W>; 2] {
+        let [f, g] = self.work.white();
+        [f, if along { g } else { f }]
+    }
+
     fn take_both(&mut self, sample: &Whitened<'_>, before: Option<&Seen<W>>, g: &Seen<W>) {
         let Self { s, work, sums, .. } = self;
         let refused = (!sample.used).then_some(&mut self.gated);
@@ -185,11 +213,16 @@ impl<const W: usize> Effect<W> {
 
     /// Begins one hypothesis again.
     pub(super) fn renew(&mut self, sum: usize, time: Time) {
+        self.forget(sum, time);
+        self.s.iter_mut().for_each(|s| s[sum] = 0.0);
+    }
+
+    /// Forgets the samples of a hypothesis, but not what its error has done to the state.
+    pub(super) fn forget(&mut self, sum: usize, time: Time) {
         self.sums.clear(sum);
         self.gated.clear(sum);
         self.scores[sum] = Score::new(time);
         self.all[sum] = self.scores[sum];
-        self.s.iter_mut().for_each(|s| s[sum] = 0.0);
     }
 
     /// Goes on with one hypothesis in place of another one.
@@ -247,26 +280,10 @@ impl<const W: usize> Effect<W> {
         (covariance, considered): (&Covariance, &[bool]),
         refused: bool,
     ) -> Option<Found> {
-        let exceeds = score.sigmas().abs() >= significant;
-        if !exceeds {
+        if score.sigmas().abs() < significant || score.sigmas().is_nan() {
             return None;
         }
-        let error = |i: usize| {
-            let sigma = covariance.get(i, i).sqrt();
-            if sigma > 0.0 && !considered[i] {
-                (score.size() * f64::from(self.s[i][sum]) / sigma).abs()
-            } else {
-                0.0
-            }
-        };
-        let (size, row) = (0..considered.len())
-            .map(|i| (error(i), i))
-            .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
-        let severity = match size {
-            e if e >= USELESS => Severity::DoNotUse,
-            e if e >= DOUBTFUL || refused => Severity::Doubtful,
-            _ => return None,
-        };
-        Some(Found { severity, score, sum, size, row })
+        let moved = |row: usize| score.size() * f64::from(self.s[row][sum]);
+        Found::new((sum, score), moved, (covariance, considered), refused)
     }
 }

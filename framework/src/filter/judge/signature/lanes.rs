@@ -23,6 +23,11 @@ impl<const W: usize> Work<W> {
         Self { moved: vec![[0.0; W]; n], white: [[[0.0; W]; MAX_CHANNELS]; 2] }
     }
 
+    /// `L^-1 f` and `L^-1 g` of the last sample.
+    pub(super) fn white(&self) -> &[Seen<W>; 2] {
+        &self.white
+    }
+
     /// Makes room for that many states: an effect that comes from a checkpoint has none.
     pub(super) fn fit(&mut self, n: usize) {
         if self.moved.len() < n {

@@ -4,10 +4,17 @@
 //! A parameter that is off by the unit size is in the innovations of each sensor that reads it: `d
 //! = dh/dp`. A factor is in those of its channel, `d = h(x)`. A scale factor of the driving sensor acts on
 //! the state as a bias that follows its samples. Each is off from the start, so that one sum is enough. From
-//! a finding on, the covariance contains its effect.
+//! a finding on, the covariance contains its effect, or the filter estimates it.
+//!
+//! The derivative by a lever arm has the noise of the gyros in it, and so has the innovation, times the lever arm.
+//! The test looks for the derivative of the sample before, whose noise is another one (an instrumental variable,
+//! Wright 1928): without it each lever arm would seem to be zero.
 
+use super::calibration::Calibration;
+use super::calibrations::{Calibrations, Correction, moved};
+use super::constants::{Component, Kind, inputs, measures, rotations, scaled, turns, usual};
 use super::contain::Containment;
-use super::effect::{Effect, WIDE, Whitened};
+use super::effect::{Effect, Found, WIDE, Whitened};
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
 use super::wrong::{Shares, Wrong};
@@ -15,14 +22,13 @@ use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
 use crate::model::record::finding::{Finding, Severity};
+use crate::model::sensor::SensorInfo;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::model::sensor::{Sensor, SensorInfo};
 use crate::state::covariance::Covariance;
-use crate::state::manifold::Rotation;
-use crate::state::{Block, Layout, State};
-use crate::units::sample::{Channel, MAX_CHANNELS, channels};
+use crate::state::manifold::MAX_TANGENT;
+use crate::state::{Layout, State};
+use crate::units::sample::{MAX_CHANNELS, channels};
 use crate::units::time::Time;
-use std::any::TypeId;
 
 /// Score in sigma at which an error is significant, as that of a time offset is: real errors are not Gaussian,
 /// and the curvature of a track, which the linear test neglects, gives scores of 5.
@@ -30,47 +36,12 @@ const SIGNIFICANT: f64 = 6.0;
 /// Largest turn of a rotation to which the test is linear, rad. A fault elsewhere fits a larger
 /// turn.
 pub(super) const LINEAR: f64 = 0.2;
-/// Sigma of a scale factor of the driving sensor, and of the turn of its axes in rad, before any evidence: the
-/// data sheets of MEMS state 1 %.
-const USUAL: f64 = 0.01;
-
-/// Kind of a constant.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// A component of a fixed block.
-    #[default]
-    Fixed,
-    /// The factor of a channel.
-    Factor,
-    /// A scale factor or axes of the driving sensor.
-    Input,
-}
-
-saved!(
-    enum Kind {
-        Fixed,
-        Factor,
-        Input,
-    }
-);
-
-/// A constant that may be wrong.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Component {
-    pub(super) kind: Kind,
-    /// Number of the block, of the channel, or of the error of the driving sensor.
-    pub(super) of: usize,
-    pub(super) component: usize,
-    /// Index of the first sensor that reads the block, or of the sensor that has the error.
-    pub(super) sensor: usize,
-}
-
-saved!(Component { kind, of, component, sensor });
-
 /// Tests of the fixed blocks that sensors read.
 #[derive(Clone)]
 pub(super) struct Parameters {
     components: Vec<Component>,
+    /// Derivatives of the last samples by fixed components.
+    before: Vec<[f32; MAX_CHANNELS]>,
     /// Tests of [`WIDE`] components each.
     effects: Vec<Effect<WIDE>>,
     /// Sensors whose blocks are tested, and those whose blocks are in `components`.
@@ -89,79 +60,18 @@ pub(super) struct Parameters {
     driven: Vec<(usize, usize, f32, f32)>,
     span: Time,
     severity: Option<Severity>,
-    /// Components that were found to be wrong.
+    /// Components that were found to be wrong and go on.
     found: Vec<usize>,
+    calibrations: Calibrations,
 }
 
 saved!(Parameters {
-    components, effects, span, severity, found,
+    components, before, effects, span, severity, found, calibrations,
 } each {
     known, refused,
 } except {
     tested, rotations, turning, inputs, driven, scaled,
 });
-
-/// Returns `true` for a channel of a length or a speed, which a wrong unit or scale multiplies.
-fn measures(channel: &Channel) -> bool {
-    ["m", "mps"].contains(&channel.unit.suffix().as_str())
-}
-
-fn turns(block: &Block) -> bool {
-    block.operations.kind == TypeId::of::<Rotation>()
-}
-
-/// Rows of the error state that are rotations.
-pub(super) fn rotations(layout: &Layout) -> Vec<usize> {
-    layout.blocks.iter().filter(|block| turns(block)).flat_map(Block::tangent_range).collect()
-}
-
-/// Returns `true` if a sensor has an estimated block whose key ends with one of these words.
-fn owns(layout: &Layout, sensor: &str, words: &[&str]) -> bool {
-    let own = |block: &&Block| block.name.rsplit_once('.').is_some_and(|(part, _)| part == sensor);
-    let named = |block: &Block| words.iter().any(|word| block.name.ends_with(word));
-    layout.blocks.iter().filter(own).any(|block| block.estimated() && named(block))
-}
-
-/// The sensors whose scale is a state: a factor is a step of it, or a prior that does not contain it.
-fn scaled(composition: &Composition) -> Vec<bool> {
-    let owns = |sensor: &Sensor| owns(&composition.layout, &sensor.info.name, &["scale"]);
-    composition.sensors.iter().map(owns).collect()
-}
-
-/// The scale factors and the turns of the axes of the driving sensor, whose channels have biases in rows.
-fn inputs(composition: &Composition) -> Option<(usize, Vec<Shares>)> {
-    let process = composition.processes.iter().find(|process| process.input.is_some())?;
-    let sensor = process.input?;
-    let blocks = process.biases.iter().map(|slot| &composition.layout.blocks[*slot]);
-    let rows: Vec<usize> = blocks.flat_map(Block::tangent_range).collect();
-    let Sensor { info, .. } = &composition.sensors[sensor];
-    if owns(&composition.layout, &info.name, &["scale", "axes"]) {
-        return None;
-    }
-    let channels = &info.channels;
-    // a step in rates is one of the bias
-    let rates = channels.iter().all(|c| ["radps", "mps2"].contains(&c.unit.suffix().as_str()));
-    if rows.len() != channels.len() || rows.is_empty() || !rates {
-        return None;
-    }
-    let scale = |k: usize| vec![(rows[k], k, 1.0)];
-    let turn = |first: usize, axis: usize| {
-        let [a, b] = [1, 2].map(|k| 3 * first + (axis + k) % 3);
-        vec![(rows[a], b, -1.0), (rows[b], a, 1.0)]
-    };
-    let turns = (0..rows.len() / 3).flat_map(|first| (0..3).map(move |axis| (first, axis)));
-    let all = (0..rows.len()).map(scale).chain(turns.map(|(first, axis)| turn(first, axis)));
-    Some((sensor, all.collect()))
-}
-
-/// Factor of the score by which a size that is unusual is less likely: `b^2 / (i + 1 / USUAL^2)` is twice the
-/// log-likelihood ratio of a size that is a sample of that sigma.
-fn usual(kind: Kind, score: &Score) -> f64 {
-    match kind {
-        Kind::Input => (1.0 + score.variance() / (USUAL * USUAL)).sqrt().recip(),
-        Kind::Fixed | Kind::Factor => 1.0,
-    }
-}
 
 impl Parameters {
     /// Tests of the constants of those sensors.
@@ -170,6 +80,7 @@ impl Parameters {
         let (known, refused) = (vec![false; tested.len()], vec![Gated::default(); tested.len()]);
         Self {
             components: Vec::new(),
+            before: Vec::new(),
             effects: Vec::new(),
             tested,
             known,
@@ -182,12 +93,16 @@ impl Parameters {
             span: Time::MIN,
             severity: None,
             found: Vec::new(),
+            calibrations: Calibrations::default(),
         }
     }
 
     /// Begins all tests at the next sample.
     pub(super) fn restart(&mut self) {
-        let Self { components, effects, known, refused, span, found, .. } = self;
+        let Self { components, before, effects, known, refused, span, found, calibrations, .. } =
+            self;
+        calibrations.clear();
+        before.clear();
         components.clear();
         effects.clear();
         known.fill(false);
@@ -258,7 +173,7 @@ impl Parameters {
         let own = match kind {
             Kind::Fixed if self.turning[of] => size.abs(),
             Kind::Input | Kind::Factor => size.abs(),
-            Kind::Fixed => 0.0,
+            Kind::Fixed | Kind::Free => 0.0,
         };
         turned.fold(own, f64::max) < LINEAR
     }
@@ -271,9 +186,16 @@ impl Parameters {
             let score = if all { effect.all(index % WIDE) } else { self.score_of(index) };
             score.sigmas().abs() * self.usual(index, &score)
         };
-        let counts = |index: &usize| counts(self.components[*index].sensor) && self.linear(*index);
+        let counts = |index: &usize| {
+            counts(self.components[*index].sensor)
+                && self.linear(*index)
+                && !self.calibrations.corrects(*index)
+        };
         let scores = (0..self.components.len()).filter(counts).map(of);
-        scores.fold(0.0, f64::max)
+        let blocks = self.calibrations.blocks().iter();
+        let blocks = blocks.map(|block| (block.components().start, block.score()));
+        let blocks = blocks.filter(|(index, _)| counts(index)).map(|(_, score)| score);
+        scores.chain(blocks).fold(0.0, f64::max)
     }
 
     fn usual(&self, index: usize, score: &Score) -> f64 {
@@ -289,6 +211,7 @@ impl Parameters {
             effect.renew(sum, at.state.time);
         }
         self.components.push(component);
+        self.before.push([0.0; MAX_CHANNELS]);
     }
 
     /// Adds the constants of a sensor: the fixed blocks that it reads, and the factors of its channels.
@@ -300,9 +223,15 @@ impl Parameters {
             if fixed.tangent.is_some() || self.components.iter().any(known) {
                 continue;
             }
+            let n = fixed.operations.tangent;
+            while self.components.len() % WIDE + n > WIDE {
+                self.add(Component { kind: Kind::Free, ..Component::default() }, at);
+            }
+            let first = self.components.len();
             for component in 0..fixed.operations.tangent {
                 self.add(Component { kind: Kind::Fixed, of: block, component, sensor }, at);
             }
+            self.calibrations.add(first..self.components.len());
         }
         let scaled = self.scaled[sensor];
         let lengths = info.channels.iter().enumerate();
@@ -338,33 +267,51 @@ impl Parameters {
         }
         self.refused[index].take(sample);
         let rows = || channels(present).enumerate().take(sample.update.m);
-        let mut g = [[0.0; WIDE]; MAX_CHANNELS];
-        for (effect, components) in self.effects.iter_mut().zip(self.components.chunks(WIDE)) {
+        let (m, [mut f, mut g]) = (sample.update.m, [[[0.0; WIDE]; MAX_CHANNELS]; 2]);
+        let Self { components, before, effects, calibrations, .. } = self;
+        let chunks = effects.iter_mut().zip(components.chunks(WIDE)).zip(before.chunks_mut(WIDE));
+        for (((effect, components), before), first) in chunks.zip((0..).step_by(WIDE)) {
             effect.seen(sample.update, &mut g);
+            f[..m].copy_from_slice(&g[..m]);
+            let mut along = false;
             for (sum, &Component { kind, of, component, sensor }) in components.iter().enumerate() {
                 match kind {
                     Kind::Fixed if tested && sample.update.read.contains(of) => {
+                        along = true;
                         let mut d = [0.0; MAX_CHANNELS];
                         model.derivative(at, of, component, &mut d[..model.channels()]);
                         let known = rows().filter(|(_, channel)| d[*channel].is_finite());
-                        known.for_each(|(row, channel)| g[row][sum] += d[channel] as f32);
+                        for (row, channel) in known {
+                            let last = &mut before[sum][channel];
+                            f[row][sum] += std::mem::replace(last, d[channel] as f32);
+                            g[row][sum] += *last;
+                        }
                     }
                     Kind::Factor if sensor == index => {
                         if let Some((row, channel)) = rows().find(|(_, channel)| *channel == of) {
                             let measured = at.sample.get(channel).unwrap_or_default();
-                            g[row][sum] += (measured - sample.update.innovation[row]) as f32;
+                            let factor = (measured - sample.update.innovation[row]) as f32;
+                            f[row][sum] += factor;
+                            g[row][sum] += factor;
                         }
                     }
                     _ => {}
                 }
             }
-            effect.take(sample, &g);
+            match along {
+                true => effect.take_along(sample, [&f, &g]),
+                false => effect.take(sample, &g),
+            }
+            if sample.used {
+                let chunk = first..first + components.len();
+                calibrations.take(chunk, &f, effect.white(along), sample);
+            }
         }
     }
 
     /// Widens the covariance where it does not contain the errors that were found. Ends a span
     /// where one is due, and returns the most significant error that is more severe than those
-    /// before. `rival` is the score that an error of a sensor has to exceed.
+    /// before, or is estimated from now on. `rival` is the score that an error of a sensor has to exceed.
     pub(super) fn corrected(
         &mut self,
         time: Time,
@@ -374,18 +321,47 @@ impl Parameters {
     ) -> Option<Wrong> {
         let due = time.since(self.span) >= SPAN;
         let worst = due.then(|| self.worst(time, (covariance, considered), rival)).flatten();
-        if let Some(worst) = &worst
-            && !self.found.contains(&worst.index)
-        {
-            self.found.push(worst.index);
+        let corrects = worst.as_ref().is_some_and(Wrong::is_fixed) && !containment.is_off();
+        match &worst {
+            Some(worst) if corrects => self.calibrate(worst, time),
+            Some(worst) if !self.found.contains(&worst.index) => self.found.push(worst.index),
+            _ => {}
         }
         for index in &self.found {
             let (effect, sum) = (&self.effects[*index / WIDE], *index % WIDE);
             containment.contain((effect, &self.score_of(*index), sum), covariance);
         }
-        let worst = worst.filter(|worst| self.severity < Some(worst.found.severity))?;
-        self.severity = Some(worst.found.severity);
+        self.calibrations.contain(&self.effects, covariance, containment);
+        let worst = worst.filter(|w| corrects || self.severity < Some(w.found.severity))?;
+        self.severity = self.severity.max(Some(worst.found.severity));
         Some(worst)
+    }
+
+    /// Begins to correct the block of a wrong component, and the comparison with all else.
+    fn calibrate(&mut self, wrong: &Wrong, time: Time) {
+        self.calibrations.begin(wrong.index, wrong.found.score.size());
+        self.refused.fill(Gated::default());
+        for index in 0..self.components.len() {
+            self.effects[index / WIDE].forget(index % WIDE, time);
+        }
+    }
+
+    /// Corrects the fixed blocks that were found to be wrong, and returns what their errors have moved the state by.
+    pub(super) fn correct(&mut self, state: &mut State, layout: &Layout) -> Option<Correction> {
+        let (due, news) = self.calibrations.due()?;
+        let mut delta = vec![0.0; layout.tangent];
+        for (index, size) in due {
+            let Component { of, component, .. } = self.components[index];
+            let block = &layout.blocks[of];
+            let mut change = [0.0; MAX_TANGENT];
+            change[component] = size;
+            let change = &change[..block.operations.tangent];
+            (block.operations.retract)(&mut state.values[block.range()], change);
+            for (row, delta) in delta.iter_mut().enumerate() {
+                *delta += moved(&self.effects, index..index + 1, &[size], row);
+            }
+        }
+        Some(Correction { delta, news })
     }
 
     /// Ends a span, and returns the most significant error.
@@ -397,45 +373,88 @@ impl Parameters {
     ) -> Option<Wrong> {
         self.span = time;
         self.effects.iter_mut().for_each(Effect::end_span);
-        let found = self.components.iter().enumerate().filter_map(|(index, of)| {
-            let (effect, sum) = (&self.effects[index / WIDE], index % WIDE);
-            let score = self.score_of(index);
-            let counts = self.linear(index) && self.explains(index);
-            let usual = self.usual(index, &score);
-            // a larger noise competes with errors that may be in any sensor
-            let significance = match of.kind {
-                Kind::Fixed => score.sigmas().abs(),
-                Kind::Factor | Kind::Input => score.significance(),
-            };
-            if !(usual * significance >= SIGNIFICANT && counts) {
-                return None;
-            }
-            // the others count what the gate refused, and so does this one beside them
-            if usual * effect.all(sum).sigmas().abs() <= rival(of.sensor) {
-                return None;
-            }
-            let least = leading(self.score(false, |sensor| sensor != of.sensor));
-            let found =
-                effect.found((sum, score), least / usual, (covariance, considered), false)?;
-            Some(Wrong { found, index, of: *of })
-        });
+        self.calibrations.measure();
+        let states = (covariance, considered);
+        let alone =
+            (0..self.components.len()).filter_map(|index| self.alone(index, states, &rival));
+        let blocks = self.calibrations.blocks().iter();
+        let together = blocks.filter_map(|block| self.together(block, states, &rival));
+        let found: Vec<Wrong> = alone.chain(together).collect();
         let score = |wrong: &Wrong| wrong.found.score.sigmas().abs();
         let weight = |w: &Wrong| score(w) * self.usual(w.index, &w.found.score);
-        found.max_by(|a, b| weight(a).total_cmp(&weight(b)))
+        found.into_iter().max_by(|a, b| weight(a).total_cmp(&weight(b)))
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+    /// An error that is significant alone, and leads all others.
+    fn alone(
+        &self,
+        index: usize,
+        states: (&Covariance, &[bool]),
+        rival: impl Fn(usize) -> f64,
+    ) -> Option<Wrong> {
+        let of = self.components[index];
+        let (effect, sum) = (&self.effects[index / WIDE], index % WIDE);
+        let score = self.score_of(index);
+        let counts =
+            self.linear(index) && self.explains(index) && !self.calibrations.corrects(index);
+        let usual = self.usual(index, &score);
+        // a larger noise competes with errors that may be in any sensor
+        let significance = match of.kind {
+            Kind::Fixed => score.sigmas().abs(),
+            Kind::Factor | Kind::Input | Kind::Free => score.significance(),
+        };
+        if !(usual * significance >= SIGNIFICANT && counts) {
+            return None;
+        }
+        // the others count what the gate refused, and so does this one beside them
+        if usual * effect.all(sum).sigmas().abs() <= rival(of.sensor) {
+            return None;
+        }
+        let least = leading(self.score(false, |sensor| sensor != of.sensor));
+        let found = effect.found((sum, score), least / usual, states, false)?;
+        Some(Wrong { found, index, of })
+    }
 
-    /// A size of 7 % +- 1 % is 7 sigma. Beside a prior of 1 % it is `7 / sqrt(2)`: the prior explains half of it.
-    #[test]
-    fn a_scale_of_an_imu_that_is_unusual_needs_more_evidence() {
-        let mut score = Score::new(Time::MIN);
-        score.add(700.0, 1e4, 1e4);
-        assert!((score.size() - 0.07).abs() < 1e-12 && (score.sigmas() - 7.0).abs() < 1e-12);
-        assert!((usual(Kind::Input, &score) - 0.5_f64.sqrt()).abs() < 1e-12);
-        assert_eq!(usual(Kind::Factor, &score), 1.0);
+    /// An error of several components of a block that is significant, and leads all others.
+    fn together(
+        &self,
+        block: &Calibration,
+        (covariance, considered): (&Covariance, &[bool]),
+        rival: impl Fn(usize) -> f64,
+    ) -> Option<Wrong> {
+        let components = block.components();
+        let (score, sensor) = (block.score(), self.components[components.start].sensor);
+        if block.corrects || components.len() < 2 || score < SIGNIFICANT {
+            return None;
+        }
+        let gated = |index: usize| {
+            let (effect, sum) = (&self.effects[index / WIDE], index % WIDE);
+            effect.all(sum).sigmas().powi(2) - effect.used(sum).sigmas().powi(2)
+        };
+        let gated = components.clone().map(gated).fold(0.0, f64::max);
+        let others = leading(self.score(false, |other| other != sensor));
+        if score <= others || score.hypot(gated.sqrt()) <= rival(sensor) {
+            return None;
+        }
+        let usual = block.usual(0.0);
+        let a: Vec<f64> = usual.estimate().map(|(a, _)| a).collect();
+        let moved = |row: usize| moved(&self.effects, components.clone(), &a, row);
+        let turned = self.rotations.iter().map(|row| moved(*row).abs());
+        let own = if self.turning[self.components[components.start].of] {
+            a.iter().map(|a| a * a).sum::<f64>().sqrt()
+        } else {
+            0.0
+        };
+        let linear = turned.fold(own, f64::max) < LINEAR;
+        if !linear || !components.clone().any(|index| self.explains(index)) {
+            return None;
+        }
+        let largest = usual.estimate().zip(components.clone());
+        let ((size, _), index) =
+            largest.max_by(|((a, s), _), ((b, t), _)| (a / s).abs().total_cmp(&(b / t).abs()))?;
+        let since = self.effects[index / WIDE].since(index % WIDE);
+        let score = Score::of(size, score, since);
+        let found = Found::new((index % WIDE, score), moved, (covariance, considered), false)?;
+        Some(Wrong { found, index, of: self.components[index] })
     }
 }

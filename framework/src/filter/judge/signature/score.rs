@@ -39,6 +39,12 @@ impl Score {
         Self { since, ..Self::default() }
     }
 
+    /// The score of an error of a size that is significant with so many sigmas.
+    pub(super) fn of(size: f64, sigmas: f64, since: Time) -> Self {
+        let information = (sigmas / size).powi(2);
+        Self { b: information * size, i: information, c: information, ..Self::new(since) }
+    }
+
     pub(super) fn add(&mut self, b: f64, i: f64, c: f64) {
         self.b += b;
         self.i += i;

@@ -20,9 +20,9 @@
 mod evidence;
 
 use super::charts::Charts;
+use super::constants::rotations;
 use super::contain::Containment;
 use super::effect::{Effect, Found, RECENT, SUMS, WIDE, Whitened};
-use super::parameter::rotations;
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
 use super::shift::{Place, Shift, places};

@@ -1,5 +1,6 @@
 //! All tests of a filter.
 
+use super::calibrations::Correction;
 use super::contain::Containment;
 use super::effect::{RECENT, SUMS, Whitened};
 use super::offset::{self, Offset};
@@ -7,25 +8,23 @@ use super::parameter::Parameters;
 use super::score::leading;
 use super::shifts::Shifts;
 use super::spread::Spread;
+use super::tested::tested;
 use super::treatment::{Explained, Refusal, Treatment};
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
 use crate::model::record::finding::{Finding, Severity};
+use crate::model::sensor::SensorInfo;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::model::sensor::{Role, Sensor, SensorInfo};
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
 use crate::state::{Layout, Mode, State};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 
-/// Largest number of sensors that are tested. Every test follows the samples of all sensors, so that
-/// without a bound a run of many sensors would cost the square of their number.
-const TESTED: usize = 64;
-
 /// What the filter does about an offset, and about a wrong parameter.
 const TAKEN_OFF: &str = "; the filter takes it off from now on, and not before";
 const CONTAINED: &str = "; the covariance contains it from now on, and not before";
+const ESTIMATED: &str = "; the filter estimates it from now on, and not before";
 /// What the filter does about a step of a state.
 const STEPPED: &str = "; the covariance contains it from now on";
 
@@ -62,34 +61,6 @@ saved!(Signatures {
 } except {
     places, phi, changes,
 });
-
-/// True for a sensor whose samples can show an error that stays.
-fn suits(sensor: &Sensor) -> bool {
-    let Role::Measurement(model) = &sensor.role else { return false };
-    let judged = !sensor.constraint && sensor.detector.is_none();
-    judged && !sensor.is_noise_free() && model.observations() == 1
-}
-
-/// The sensors that are tested: the first ones that suit.
-fn tested(sensors: &[Sensor]) -> Vec<bool> {
-    let mut left = TESTED;
-    let tested = |sensor| {
-        let tested = left > 0 && suits(sensor);
-        left -= usize::from(tested);
-        tested
-    };
-    sensors.iter().map(tested).collect()
-}
-
-/// The note of a run with more sensors than are tested.
-pub(crate) fn untested(sensors: &[Sensor]) -> Option<String> {
-    let count = sensors.iter().filter(|sensor| suits(sensor)).count();
-    (count > TESTED).then(|| {
-        format!(
-            "only the first {TESTED} of {count} sensors are tested for offsets and wrong parameters"
-        )
-    })
-}
 
 fn of(offset: &Option<Offset>) -> f64 {
     offset.as_ref().map_or(0.0, Offset::score)
@@ -441,9 +412,26 @@ impl Signatures {
         if let Some(wrong) = parameters.corrected(time, states, containment, rival) {
             let finding = parameters.finding(&wrong, state, sensor(wrong.sensor()), layout);
             blame(culprit, wrong.sensor(), &finding);
-            report(containment.noted(finding, CONTAINED));
+            let does = if wrong.is_fixed() { ESTIMATED } else { CONTAINED };
+            report(containment.noted(finding, does));
         }
         std::mem::take(&mut containment.widened)
+    }
+
+    /// Corrects the fixed blocks that were found to be wrong. Where that is news, the other tests begin
+    /// again.
+    pub(in crate::filter) fn correct(
+        &mut self,
+        state: &mut State,
+        layout: &Layout,
+    ) -> Option<Correction> {
+        let Self { offsets, shifts, parameters, .. } = self;
+        let correction = parameters.correct(state, layout)?;
+        if correction.news {
+            shifts.iter_mut().for_each(Shifts::restart);
+            offsets.iter_mut().flatten().for_each(|offset| offset.restart(state.time));
+        }
+        Some(correction)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A wrong constant of a sensor, and the finding about it.
 
+use super::constants::{Component, Kind};
 use super::effect::Found;
-use super::parameter::{Component, Kind};
 use super::shift::shown;
 use crate::model::record::finding::{Basis, Finding};
 use crate::model::sensor::SensorInfo;
@@ -19,6 +19,11 @@ pub(super) struct Wrong {
 }
 
 impl Wrong {
+    /// Returns `true` for a fixed parameter, whose value can be corrected.
+    pub(super) fn is_fixed(&self) -> bool {
+        self.of.kind == Kind::Fixed
+    }
+
     /// Index of the sensor.
     pub(super) fn sensor(&self) -> usize {
         self.of.sensor
@@ -35,7 +40,7 @@ impl Wrong {
         let found = &self.found;
         let (text, remedy) = match self.of.kind {
             Kind::Fixed => self.fixed(state, layout),
-            Kind::Factor => (
+            Kind::Factor | Kind::Free => (
                 format!(
                     "its {} fits a factor that is wrong by {}",
                     sensor.words(self.of.of),

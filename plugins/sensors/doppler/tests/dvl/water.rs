@@ -118,17 +118,19 @@ fn a_run_without_the_bottom_is_metres_off_with_the_water_and_hundreds_without() 
     assert!((mean - 1.0).abs() < tolerance, "{mean} +- {tolerance}");
 }
 
-/// Water that is taken for the bottom: the current, 10 cm/s, is then an error of the velocity, a wrong
-/// fixed parameter that the filter finds and contains.
+/// Water that is taken for the bottom: the current, 14 cm/s, is then an error of the velocity, a wrong fixed vector
+/// of which the filter finds one component, and estimates all from then on. 14 cm/s for 600 s are 85 m; with the
+/// current the position is known to 10 m.
 #[test]
-fn the_same_samples_without_a_current_are_tens_of_metres_off_and_the_sigma_contains_it() {
-    let known = "process.water.current={ initial = \"0 m/s\", truth = [\"10 cm/s\", \"-10 \
-                 cm/s\", \"0 m/s\"] }";
-    let log = run(SCENARIO, &[known, "sensor.water-track.gate=\"off\""]);
-    let back = log.at(1499.9);
-    // 14 cm/s for 600 s are 85 m
-    assert!(back.error > 20.0 && back.error < 85.0, "{back:?}");
-    assert!(back.sigma < 85.0 && back.error < 2.0 * back.sigma, "{back:?}");
+fn the_same_samples_without_a_current_are_as_good_as_with_it_once_it_is_found() {
+    for seed in 1..=4 {
+        let known = "process.water.current={ initial = \"0 m/s\", truth = [\"10 cm/s\", \"-10 \
+                     cm/s\", \"0 m/s\"] }";
+        let seed = format!("seed={seed}");
+        let log = run(SCENARIO, &[known, "sensor.water-track.gate=\"off\"", &seed]);
+        let back = log.at(1499.9);
+        assert!(back.sigma < 15.0 && back.error < 3.0 * back.sigma, "{seed} {back:?}");
+    }
 }
 
 #[test]
