@@ -83,6 +83,12 @@ impl Sums {
         noise.iter_mut().step_by(n + 1).for_each(|noise| *noise += floor);
     }
 
+    fn clear(&mut self) {
+        for values in [&mut self.b, &mut self.c, &mut self.i] {
+            values.fill(0.0);
+        }
+    }
+
     fn add(&mut self, other: &Self) {
         let all = [(&mut self.b, &other.b), (&mut self.c, &other.c), (&mut self.i, &other.i)];
         for (sums, others) in all {
@@ -114,11 +120,8 @@ impl Calibration {
 
     /// Begins again, with no knowledge.
     pub(super) fn forget(&mut self) {
-        for sums in [&mut self.sums, &mut self.span] {
-            for values in [&mut sums.b, &mut sums.c, &mut sums.i] {
-                values.fill(0.0);
-            }
-        }
+        self.sums.clear();
+        self.span.clear();
         (self.prior, self.squares) = (UNKNOWN, [0.0; 2]);
         self.fit();
     }
@@ -182,9 +185,7 @@ impl Calibration {
             squares[1] += *n as f64;
         }
         sums.add(span);
-        for values in [&mut span.b, &mut span.c, &mut span.i] {
-            values.fill(0.0);
-        }
+        span.clear();
         self.fit();
     }
 

@@ -51,14 +51,9 @@ impl Calibrations {
         &self.blocks
     }
 
-    /// The block of a component.
-    pub(super) fn of(&self, component: usize) -> Option<&Calibration> {
-        self.blocks.iter().find(|block| block.components().contains(&component))
-    }
-
     /// Returns `true` for a component of a block that is corrected.
     pub(super) fn corrects(&self, component: usize) -> bool {
-        self.of(component).is_some_and(|block| block.corrects)
+        self.blocks.iter().any(|block| block.corrects && block.components().contains(&component))
     }
 
     /// Takes a sample with the sensitivities `f` to the components of a chunk, and with `L^-1 f` and `L^-1 g`.

@@ -228,10 +228,10 @@ impl Parameters {
                 self.add(Component { kind: Kind::Free, ..Component::default() }, at);
             }
             let first = self.components.len();
-            for component in 0..fixed.operations.tangent {
+            for component in 0..n {
                 self.add(Component { kind: Kind::Fixed, of: block, component, sensor }, at);
             }
-            self.calibrations.add(first..self.components.len());
+            self.calibrations.add(first..first + n);
         }
         let scaled = self.scaled[sensor];
         let lengths = info.channels.iter().enumerate();
@@ -337,11 +337,13 @@ impl Parameters {
         Some(worst)
     }
 
-    /// Begins to correct the block of a wrong component, and the comparison with all else.
+    /// Begins to correct the block of a wrong component, and the comparison with all else but what is contained, which
+    /// goes on.
     fn calibrate(&mut self, wrong: &Wrong, time: Time) {
         self.calibrations.begin(wrong.index, wrong.found.score.size());
         self.refused.fill(Gated::default());
-        for index in 0..self.components.len() {
+        let others = (0..self.components.len()).filter(|index| !self.found.contains(index));
+        for index in others {
             self.effects[index / WIDE].forget(index % WIDE, time);
         }
     }
