@@ -36,8 +36,9 @@ pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::{Span, Time};
 pub use crate::units::{
     Acceleration, AccelerationNoise, Angle, AngularRate, AngularRateNoise, AngularRateRandomWalk,
-    Frequency, GSensitivity, GSensitivityRandomWalk, Length, LengthRandomWalk, Positive, Pressure,
-    Quantity, Ratio, RatioRandomWalk, Sigma, Speed, Triple,
+    Current, Frequency, GSensitivity, GSensitivityRandomWalk, Length, LengthRandomWalk,
+    MagneticField, Positive, Pressure, Quantity, Ratio, RatioRandomWalk, Sigma, Speed, Temperature,
+    Triple, Voltage,
 };
 pub use nalgebra::{SMatrix, SVector, Vector3, convert};
 pub use schemars::JsonSchema;

@@ -9,6 +9,7 @@ use navfuse_core::compose::calibration::{LengthBias, LeverArm};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::MeasurementModel;
+use navfuse_core::model::sensor::mounting::Mounting;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Plugin, Registry, SensorType};
 use navfuse_core::state::display;
@@ -48,15 +49,13 @@ impl SensorType for Altimeter {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let lever_arm =
+            self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
+        composer.mounted(Mounting::at(lever_arm)); // where viewers draw it
         Ok(Role::measurement(AltimeterModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             bottom: self.bottom.block(composer, "bottom", &[0.0], BOTTOM)?,
-            lever_arm: self.lever_arm.block(
-                composer,
-                "lever_arm",
-                &[0.0; 3],
-                display::LEVER_ARM,
-            )?,
+            lever_arm,
             sigma: self.noise.value().si(),
         }))
     }

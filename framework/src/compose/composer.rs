@@ -182,24 +182,14 @@ impl Composer {
         std::mem::take(&mut self.clones)
     }
 
-    /// Slot of a block of the part that is being composed, if the part has it.
-    fn slot<M: Manifold>(&self, name: &str) -> Option<usize> {
-        let full = format!("{}.{name}", self.owner);
-        let kind = std::any::TypeId::of::<M>();
-        self.layout.blocks.iter().position(|b| b.name == full && b.operations.kind == kind)
-    }
-
-    /// States the place, the axes and the beams of the sensor that is being composed. Default: at
-    /// its state `lever_arm`, turned by its state `misalignment`, where it has them.
+    /// States the place, the axes and the beams of the sensor that is being composed, with which
+    /// logs and viewers draw it. Default: at the origin of the body, with its axes.
     pub fn mounted(&mut self, mounting: Mounting) {
         self.mounting = Some(mounting);
     }
 
     pub(crate) fn take_mounting(&mut self) -> Mounting {
-        self.mounting.take().unwrap_or_else(|| {
-            let lever_arm = self.slot::<Vector<3>>("lever_arm");
-            Mounting::of_slots(lever_arm, self.slot::<Rotation>("misalignment"))
-        })
+        self.mounting.take().unwrap_or_default()
     }
 
     fn slot_of(&self, key: &str, full: &str) -> Result<usize, ComposeError> {
@@ -401,37 +391,5 @@ impl Composer {
     /// Transition, in which a process model declares the places of `Phi` and `Q` that it fills.
     pub fn transition(&mut self) -> &mut Transition {
         &mut self.transition
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
-    use super::*;
-    use crate::state::{Dynamics, display};
-
-    fn block<M: Manifold>(composer: &mut Composer, owner: &str, name: &str) {
-        composer.begin(owner);
-        let spec = BlockSpec {
-            mode: Mode::Estimate,
-            initial: vec![0.0; M::TANGENT],
-            sigma: vec![1.0; M::TANGENT],
-            truth: None,
-            dynamics: Dynamics::Constant,
-            display: display::LEVER_ARM,
-        };
-        composer.block::<M>(name, spec).expect("a block");
-    }
-
-    #[test]
-    fn a_sensor_is_mounted_at_its_own_states_where_they_are_a_lever_arm_and_a_rotation() {
-        let mut composer = Composer::default();
-        block::<Vector<3>>(&mut composer, "gnss", "lever_arm");
-        block::<Vector<3>>(&mut composer, "dvl", "scale");
-        block::<Rotation>(&mut composer, "dvl", "misalignment");
-        block::<Vector<3>>(&mut composer, "dvl", "lever_arm");
-        assert_eq!(composer.take_mounting(), Mounting::of_slots(Some(3), Some(2)));
-        block::<Vector<2>>(&mut composer, "laser", "lever_arm");
-        assert_eq!(composer.take_mounting(), Mounting::default());
     }
 }

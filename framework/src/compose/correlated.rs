@@ -15,6 +15,7 @@ use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
 use crate::state::{BlockSet, BlockSpec, Display, Dynamics, Handle, Layout, Mode};
 use crate::units::sample::{Channel, Sample};
+use crate::units::time::Time;
 use crate::units::{AnyQuantity, Duration, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -213,6 +214,10 @@ impl AnyMeasurement for Correlated {
                 sample.set(c, value + scene.truth.get(scene.layout, error));
             }
         }
+    }
+
+    fn next_time(&self, scene: &mut Scene<'_>, sample: &Sample) -> Option<Time> {
+        self.inner.next_time(scene, sample)
     }
 }
 

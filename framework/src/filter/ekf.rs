@@ -198,6 +198,7 @@ impl Ekf {
         if to <= from || !self.running() {
             return Ok(());
         }
+        self.take_due(observer);
         let Self { composition, considered, stepper, parts, .. } = self;
         let (interval, estimate) = (Interval { from, to, input }, &mut parts.estimate);
         if let Some((signatures, input)) = parts.signatures.as_mut().zip(input) {

@@ -52,11 +52,12 @@ pub trait LinkType: DeserializeOwned + JsonSchema + 'static {
 
 impl Registry {
     /// Registers a type of link.
-    pub fn link<L: LinkType>(&mut self) {
+    pub fn link<L: LinkType>(&mut self) -> &mut Self {
         let prepare: Prepare<Open<Box<dyn Feed>>> = Box::new(|node| {
             let config = node.parse::<L>()?;
             Ok(Box::new(|context| config.open(context)))
         });
         self.insert::<L>(Kind::Link, L::TYPE, Make::Link { prepare });
+        self
     }
 }

@@ -114,7 +114,7 @@ impl Registry {
     }
 
     /// Registers a type of sensor.
-    pub fn sensor<S: SensorType>(&mut self) {
+    pub fn sensor<S: SensorType>(&mut self) -> &mut Self {
         let make: ForComposer<BuiltSensor> = Box::new(|node, composer| {
             let config: S = node.parse()?;
             let (channels, limits) = (config.channels(), config.limits());
@@ -122,6 +122,7 @@ impl Registry {
             Ok(BuiltSensor { channels, limits, role })
         });
         self.insert::<S>(Kind::Sensor, S::TYPE, Make::Sensor { make, input: S::INPUT });
+        self
     }
 
     /// Registers a type of sensor whose name, keys and channels are known at run time only, as those
@@ -180,40 +181,45 @@ impl Registry {
     }
 
     /// Registers a type of process model.
-    pub fn process<P: ProcessType>(&mut self) {
+    pub fn process<P: ProcessType>(&mut self) -> &mut Self {
         let make: ForComposer<BuiltProcess> = Box::new(|node, composer| {
             Ok(node.parse::<P>()?.build(composer).map_err(|e| e.at(node))?)
         });
         self.insert::<P>(Kind::Process, P::TYPE, Make::Process { make, beside: P::BESIDE });
+        self
     }
 
     /// Registers a type of source.
-    pub fn source<S: SourceType>(&mut self) {
+    pub fn source<S: SourceType>(&mut self) -> &mut Self {
         let prepare: Prepare<Open<Vec<Box<dyn Source>>>> = Box::new(|node| {
             let config = node.parse::<S>()?;
             Ok(Box::new(|context| config.open(context)))
         });
         self.insert::<S>(Kind::Source, S::TYPE, Make::Source { prepare, simulates: S::SIMULATES });
+        self
     }
 
     /// Registers a type of sink.
-    pub fn sink<S: SinkType>(&mut self) {
+    pub fn sink<S: SinkType>(&mut self) -> &mut Self {
         let prepare: Prepare<PreparedSink> = Box::new(|node| {
             let config = node.parse::<S>()?;
             let files = config.files();
             Ok(PreparedSink { files, open: Box::new(|context| config.open(context)) })
         });
         self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { prepare, default: S::DEFAULT });
+        self
     }
 
     /// Registers a type of estimator, beside `ekf` and `ukf` of the framework.
-    pub fn estimator<E: EstimatorType>(&mut self) {
+    pub fn estimator<E: EstimatorType>(&mut self) -> &mut Self {
         self.estimators.push(Creator::of::<E>(), self.members.current());
+        self
     }
 
     /// Registers an update rule, beside `ekf`, `iekf` and `ukf` of the framework.
-    pub fn rule<R: RuleType>(&mut self) {
+    pub fn rule<R: RuleType>(&mut self) -> &mut Self {
         self.rules.push(UpdateRule::of::<R>(), self.members.current());
+        self
     }
 
     /// Registered update rules.

@@ -54,14 +54,6 @@ pub(super) fn place_sensor(
         let message = "a sensor that reads a past state cannot have a time offset; remove it here";
         return Err(node.error(message));
     }
-    if let Role::Measurement(model) = &built.role
-        && model.observations() > 1
-        && !clones.is_empty()
-    {
-        let message = "a sensor with several observations of one time cannot read a past state, \
-                       which is cloned at each sample";
-        return Err(part.node.error(message));
-    }
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());

@@ -22,6 +22,7 @@ mod files;
 mod health;
 mod lockout;
 mod manifolds;
+mod mounting;
 mod plugins;
 mod relinearise;
 mod runner;

@@ -14,7 +14,7 @@ use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::sensor::{Reference, Role};
 use navfuse_core::model::simulate::fault::Injector;
-use navfuse_core::model::simulate::{Faults, Random, Scene, Simulate};
+use navfuse_core::model::simulate::{Faults, Memory, Random, Scene, Simulate};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::state::manifold::Scalar;
@@ -221,6 +221,12 @@ struct SensorStream<P: Piece> {
     count: i64,
     before: Time,
     observation: usize,
+    /// Time that the instrument has chosen for its next sample.
+    chosen: Option<Time>,
+    /// What the instrument remembers.
+    memory: Memory,
+    /// Set if a past state begins at the last time.
+    keyframe: bool,
     /// Largest number of observations of one time.
     observations: usize,
     /// Set if the samples of the current time are lost.
@@ -257,6 +263,9 @@ impl<P: Piece> SensorStream<P> {
             count: i64::from(matches!(kind, Simulated::Driving(_))),
             before: Time::MIN,
             observation: 0,
+            chosen: None,
+            memory: Memory::default(),
+            keyframe: false,
             observations: match &kind {
                 Simulated::Measuring(model) => model.observations(),
                 Simulated::Driving(_) | Simulated::Reference(_) => 1,
@@ -293,6 +302,28 @@ impl<P: Piece> SensorStream<P> {
         Time::from_seconds(seconds).unwrap_or(Time::MAX)
     }
 
+    /// Begins the next observation at a time, and returns its number.
+    fn begin(&mut self, to: Time) -> usize {
+        // the shared readings are those of the multiples of the rate
+        let regular = if self.chosen.is_some() { -1 } else { self.count };
+        self.path.number = usize::try_from(regular).unwrap_or(usize::MAX);
+        let observation = self.observation;
+        // a past state is the truth after all observations of the time before
+        if observation == 0 && std::mem::take(&mut self.keyframe) {
+            self.layout.copy_past(&self.clones, &mut self.truth.state.values);
+        }
+        self.observation += 1;
+        if self.observation >= self.observations {
+            (self.observation, self.before) = (0, to);
+            self.count += i64::from(self.chosen.take().is_none());
+            // an instrument that chose a time is busy until then
+            while self.time(self.count) <= to && to < self.end {
+                self.count += 1;
+            }
+        }
+        observation
+    }
+
     /// Lag of the sample at that time.
     fn lag(&mut self, time: Time) -> Option<Span> {
         let (offset, truth) = self.lag.as_mut()?;
@@ -312,18 +343,11 @@ impl<P: Piece> SensorStream<P> {
 impl<P: Piece> Source for SensorStream<P> {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
-            let (from, to) = (self.before, self.time(self.count));
+            let (from, to) = (self.before, self.chosen.unwrap_or_else(|| self.time(self.count)));
             if to > self.end {
                 return Ok(false);
             }
-            self.path.number = usize::try_from(self.count).unwrap_or(usize::MAX);
-            let observation = self.observation;
-            self.observation += 1;
-            if self.observation >= self.observations {
-                self.observation = 0;
-                self.count += 1;
-                self.before = to;
-            }
+            let observation = self.begin(to);
             *sample = Sample::empty(to, self.sensor);
             // a sample that lags holds the motion of an earlier time
             let (from, to) = match self.lag(to) {
@@ -345,6 +369,7 @@ impl<P: Piece> Source for SensorStream<P> {
                         noise,
                         outlier: 0.0,
                         random,
+                        memory: &mut self.memory,
                     },
                     sample,
                 );
@@ -380,20 +405,24 @@ impl<P: Piece> Source for SensorStream<P> {
                     let outlier = if hit { faults.outlier_size.value().si() } else { 0.0 };
                     let (noise, random) = (faults.noise.value().si(), &mut self.random);
                     let (layout, truth, trajectory) = (&*self.layout, &*state, &mut self.path);
-                    model.simulate(
-                        &mut Scene {
-                            layout,
-                            truth,
-                            trajectory,
-                            from,
-                            to,
-                            observation,
-                            noise,
-                            outlier,
-                            random,
-                        },
-                        sample,
-                    );
+                    let memory = &mut self.memory;
+                    let mut scene = Scene {
+                        layout,
+                        truth,
+                        trajectory,
+                        from,
+                        to,
+                        observation,
+                        noise,
+                        outlier,
+                        random,
+                        memory,
+                    };
+                    model.simulate(&mut scene, sample);
+                    if self.observation == 0 {
+                        let next = model.next_time(&mut scene, sample).filter(|next| *next > to);
+                        self.chosen = next.map(|next| sample.time + (next - to));
+                    }
                 }
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}
@@ -401,9 +430,8 @@ impl<P: Piece> Source for SensorStream<P> {
             // a sensor that has lost all channels gives no sample
             if sample.present() != 0 && self.injector.apply(sample) {
                 // the next sample begins at the truth of this one, if it is a keyframe
-                if !matches!(&self.kind, Simulated::Measuring(m) if !m.keyframe(sample)) {
-                    self.layout.copy_past(&self.clones, &mut self.truth.state.values);
-                }
+                self.keyframe |=
+                    matches!(&self.kind, Simulated::Measuring(m) if m.keyframe(sample));
                 return Ok(true);
             }
         }

@@ -5,7 +5,7 @@ use navfuse_core::compose::Composition;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At, jacobian_error};
 use navfuse_core::model::sensor::motion::{Motion, Trajectory};
-use navfuse_core::model::simulate::{Random, Scene};
+use navfuse_core::model::simulate::{Memory, Random, Scene};
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::State;
 use navfuse_core::state::covariance::Update;
@@ -89,6 +89,7 @@ impl ModelBench {
             noise: 0.0,
             outlier: 0.0,
             random: &mut Random::new(1, "model"),
+            memory: &mut Memory::default(),
         };
         self.model.simulate(&mut scene, &mut sample);
         sample

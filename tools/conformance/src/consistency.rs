@@ -307,7 +307,8 @@ fn early(runs: &[Run], may_be_less: bool) -> Option<String> {
     Some(format!(
         "overconfident from {:.1} s to {:.1} s, at worst at {:.1} s: mean NEES {:.1} of {freedom} in \
          {} runs. A model is curved within the prior: try update = \"iekf\" or \"ukf\" for the sensor, \
-         or relinearise = \"{:.0} s\", or a narrower prior",
+         or relinearise = \"{:.0} s\", or a narrower prior; where several places fit the samples, as \
+         over a map, [estimator] type = \"point-mass\" begins with all of them",
         time(first),
         time(last),
         time(worst.0),

@@ -183,13 +183,15 @@ fn step(block: &Block, values: &[f64], axis: usize) -> f64 {
     6e-6 * if position { 1e3 } else { size.max(lab::reach(block, values, axis)) }
 }
 
+/// Central difference of each channel, and its rounding error: that of a range to a satellite, 3e-9 m,
+/// is larger than what a small step changes.
 fn slope(
     model: &dyn AnyMeasurement,
     at: &At<'_>,
     block: &Block,
     axis: usize,
     step: f64,
-) -> [f64; MAX_CHANNELS] {
+) -> [(f64, f64); MAX_CHANNELS] {
     let n = model.channels();
     let side = |step: f64| {
         let (mut moved, mut delta, mut z) =
@@ -203,7 +205,8 @@ fn slope(
         z
     };
     let (after, before) = (side(step), side(-step));
-    std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * step))
+    let rounding = |i: usize| 2.0 * f64::EPSILON * (after[i].abs() + before[i].abs()) / step;
+    std::array::from_fn(|i| ((after[i] - before[i]) / (2.0 * step), rounding(i)))
 }
 
 /// A derivative that differs.
@@ -229,14 +232,15 @@ fn of_row(
     let numeric = |axis: usize, scale: f64| {
         slope(model, at, block, axis, scale * step(block, values, axis))[channel]
     };
-    let first: Vec<f64> = (0..given.len()).map(|axis| numeric(axis, 1.0)).collect();
+    let first: Vec<f64> = (0..given.len()).map(|axis| numeric(axis, 1.0).0).collect();
     let largest = first.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
     let mut worst = 0.0_f64;
     for axis in 0..given.len() {
         let negligible = 1e-6 * sigma / lab::reach(block, values, axis);
         let mut least = f64::INFINITY;
         for scale in [1.0, 1e-1, 1e1, 1e-2, 1e2] {
-            let error = (given[axis] - numeric(axis, scale)).abs();
+            let (numeric, rounding) = numeric(axis, scale);
+            let error = ((given[axis] - numeric).abs() - rounding).max(0.0);
             least = least.min(error / largest);
             if least <= BOUND {
                 break;

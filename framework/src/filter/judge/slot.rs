@@ -125,7 +125,7 @@ impl SensorSlot {
         }
         let present = sample.present() & self.channels;
         let missing = if all { present != self.channels } else { present == 0 };
-        if missing {
+        if missing && !sensor.is_event(sample) {
             return Some(Rejection::Missing);
         }
         if sensor.excludes(sample.time) {

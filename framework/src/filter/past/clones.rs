@@ -3,6 +3,7 @@
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
+use crate::model::sensor::Role;
 use crate::state::Layout;
 use crate::state::covariance::Transition;
 use nalgebra::SMatrix;
@@ -16,9 +17,15 @@ pub(in crate::filter) struct Clones {
     pub(super) transition: Transition,
     /// Set once the sensor has had a sample at which to take the clones.
     pub(super) taken: bool,
+    /// Set if several samples may have one time: the clones are taken after the last of them.
+    pub(super) several: bool,
+    /// Set if the clones are to be taken once the filter leaves the present time.
+    pub(super) due: bool,
+    /// Set if the filter has rejected a sample unseen at which such clones would be taken.
+    pub(super) lost: bool,
 }
 
-saved!(Clones { taken } except { sensor, pairs, transition });
+saved!(Clones { taken, due, lost } except { sensor, pairs, transition, several });
 
 impl Clones {
     /// Copies values and covariance of the sources to the past blocks.
@@ -38,6 +45,9 @@ impl Clones {
                 transition: selection(layout, &s.clones),
                 pairs: s.clones.clone(),
                 taken: false,
+                several: matches!(&s.role, Role::Measurement(model) if model.observations() > 1),
+                due: false,
+                lost: false,
             })
             .collect()
     }

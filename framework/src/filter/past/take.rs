@@ -20,10 +20,33 @@ impl Ekf {
         self.parts.clones.iter().all(|c| c.sensor != sensor || c.taken)
     }
 
-    /// Takes the clones of a sensor at the state's time.
+    /// Takes the clones of a sensor at the state's time; those of a sensor with several samples of
+    /// one time once the filter leaves this time.
     pub(in crate::filter) fn take_past(&mut self, sensor: usize, observer: &mut dyn Observer) {
+        let Some(at) = self.parts.clones.iter().position(|c| c.sensor == sensor) else { return };
+        if self.parts.clones[at].several {
+            self.parts.clones[at].due = true;
+        } else {
+            self.take_clones(at, observer);
+        }
+    }
+
+    /// Takes the clones that are due at the state's time, before the filter leaves it.
+    pub(in crate::filter) fn take_due(&mut self, observer: &mut dyn Observer) {
+        for at in 0..self.parts.clones.len() {
+            let clones = &mut self.parts.clones[at];
+            let lost = std::mem::take(&mut clones.lost);
+            if std::mem::take(&mut clones.due) {
+                self.take_clones(at, observer);
+            } else if lost {
+                clones.taken = false;
+            }
+        }
+    }
+
+    fn take_clones(&mut self, at: usize, observer: &mut dyn Observer) {
         let Parts { estimate, clones, sensors, branch, .. } = &mut self.parts;
-        let Some(clones) = clones.iter_mut().find(|c| c.sensor == sensor) else { return };
+        let clones = &mut clones[at];
         clones.take(&self.layout, estimate);
         clones.taken = true;
         observer.transition(&clones.transition);
@@ -40,7 +63,7 @@ impl Ekf {
         let Parts { estimate, clones, .. } = &mut self.parts;
         for clones in clones {
             clones.take(&self.layout, estimate);
-            clones.taken = false;
+            (clones.taken, clones.due, clones.lost) = (false, false, false);
         }
     }
 
@@ -52,7 +75,12 @@ impl Ekf {
         if matches!(role, Role::Measurement(model) if !model.keyframe(sample)) {
             return;
         }
-        let clones = self.parts.clones.iter_mut();
-        clones.filter(|c| c.sensor == sensor).for_each(|c| c.taken = false);
+        for clones in self.parts.clones.iter_mut().filter(|c| c.sensor == sensor) {
+            if clones.several {
+                clones.lost = true;
+            } else {
+                clones.taken = false;
+            }
+        }
     }
 }

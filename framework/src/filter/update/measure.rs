@@ -37,7 +37,8 @@ impl Ekf {
             Role::Measurement(model) => {
                 let (model, mut completed) = (Arc::clone(model), *sample);
                 model.complete(&mut completed);
-                if self.has_past(sample.sensor.0) {
+                let event = self.composition.sensors[sample.sensor.0].is_event(&completed);
+                if self.has_past(sample.sensor.0) && !event {
                     match self.admit(&completed, model.as_ref(), observer) {
                         Some(slot) => self.place(slot, &completed, model.as_ref(), observer),
                         None => self.correct(&completed, model.as_ref(), observer)?,

@@ -53,7 +53,9 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     }
 
     /// Returns `true` if a past state is taken at this sample. Default: at every sample. Odometry
-    /// that measures from keyframes names them, such as by a channel.
+    /// that measures from keyframes names them, such as by a channel. A sample with no measured
+    /// channel at which a past state is taken is an event, such as a ping: it updates nothing else.
+    /// Of several observations of one time, the past state is taken after the last.
     fn keyframe(&self, _sample: &Sample) -> bool {
         true
     }
@@ -81,6 +83,13 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     /// [`Scene::observation`]; a sample without channels is not sent.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
+    }
+
+    /// Time of the next simulated sample, if the instrument sends one before the next multiple of
+    /// its rate: the reply to a ping. It is asked after each sample, with the scene of that sample,
+    /// whose trajectory also knows later times. Default: none.
+    fn next_time(&self, _scene: &mut Scene<'_>, _sample: &Sample) -> Option<Time> {
+        None
     }
 
     /// Analytic Jacobian in place of dual numbers: fill every block that `predict` reads and return
@@ -170,6 +179,10 @@ pub trait AnyMeasurement: Send {
     fn complete(&self, sample: &mut Sample);
     /// Fills a simulated sample.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
+    /// Time of a simulated sample between this one and the next multiple of the rate.
+    fn next_time(&self, _scene: &mut Scene<'_>, _sample: &Sample) -> Option<Time> {
+        None
+    }
 }
 
 /// Point of evaluation of a model: a state, and the sample to predict.
@@ -297,6 +310,10 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         self.0.simulate(scene, sample);
+    }
+
+    fn next_time(&self, scene: &mut Scene<'_>, sample: &Sample) -> Option<Time> {
+        self.0.next_time(scene, sample)
     }
 }
 

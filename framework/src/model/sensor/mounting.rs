@@ -7,8 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// The place, the axes and the beams of a sensor on the vehicle, as far as its model knows them.
 ///
 /// A sensor type states them with [`crate::compose::Composer::mounted`]; logs and viewers draw the
-/// sensor there. Without that, a sensor is at its state `lever_arm`, turned by its state
-/// `misalignment`, where it has them:
+/// sensor there, and at the origin of the body without it:
 /// ```
 /// # use navfuse_core::prelude::*;
 /// # use navfuse_core::model::sensor::mounting::{Beam, Mounting, Reach};

@@ -214,6 +214,15 @@ impl Sensor {
         }
     }
 
+    /// Returns `true` if a sample measures nothing, and only marks the time of a past state, such as
+    /// a ping.
+    pub(crate) fn is_event(&self, sample: &Sample) -> bool {
+        let Role::Measurement(model) = &self.role else { return false };
+        let measured = sample.present() & ((1_u32 << model.channels()) - 1) as u16;
+        let marked = sample.present() != 0 && measured == 0;
+        marked && !self.clones.is_empty() && model.keyframe(sample)
+    }
+
     /// Returns `true` if the scenario excludes the sensor's samples of this time.
     pub fn excludes(&self, time: Time) -> bool {
         self.exclude.iter().any(|[from, to]| *from <= time && time < *to)

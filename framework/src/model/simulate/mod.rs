@@ -4,4 +4,4 @@ pub mod fault;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod simulate;
 
-pub use simulate::{DrivingSensor, Faults, Random, Scene, Simulate};
+pub use simulate::{DrivingSensor, Faults, Memory, Random, Scene, Simulate};

@@ -15,6 +15,7 @@ use rand_distr::StandardNormal;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::any::Any;
 
 /// Random numbers that are the same on every machine and for any number of threads.
 #[derive(Clone, Debug)]
@@ -59,9 +60,37 @@ pub struct Scene<'a> {
     pub outlier: f64,
     /// The sensor's own random numbers.
     pub random: &'a mut Random,
+    /// What the simulated instrument remembers: see [`Scene::recall`].
+    pub memory: &'a mut Memory,
 }
 
+/// What a simulated instrument remembers from sample to sample; empty at the start of a run.
+#[derive(Debug, Default)]
+pub struct Memory(Option<Box<dyn Any + Send>>);
+
 impl Scene<'_> {
+    /// What the simulated instrument remembered last ([`Self::remember`]), and the default at the
+    /// start: the output of a filter inside of the instrument, the time of a ping.
+    ///
+    /// ```
+    /// use navfuse_core::prelude::*;
+    /// /// Smooths the readings of a sluggish instrument, of which each step adds a share.
+    /// fn smoothed(scene: &mut Scene<'_>, reading: f64, share: f64) -> f64 {
+    ///     let before = scene.recall::<Option<f64>>().unwrap_or(reading);
+    ///     let output = before + share * (reading - before);
+    ///     scene.remember(Some(output));
+    ///     output
+    /// }
+    /// ```
+    pub fn recall<M: Clone + Default + Send + 'static>(&self) -> M {
+        self.memory.0.as_ref().and_then(|m| m.downcast_ref()).cloned().unwrap_or_default()
+    }
+
+    /// Remembers a value, in the place of the one before it.
+    pub fn remember<M: Clone + Default + Send + 'static>(&mut self, value: M) {
+        self.memory.0 = Some(Box::new(value));
+    }
+
     /// Sets the `N` channels of a sample to the prediction from the truth and noise of `R`.
     pub fn measure<M: MeasurementModel<N> + ?Sized, const N: usize>(
         &mut self,
@@ -228,6 +257,7 @@ mod tests {
                 noise,
                 outlier,
                 random: &mut random,
+                memory: &mut Memory::default(),
             };
             let mut sample = Sample::empty(Time::default(), SensorId(0));
             scene.measure(&Pair, &mut sample);

@@ -6,6 +6,7 @@ use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::limits::Limit;
+use navfuse_core::model::sensor::mounting::Mounting;
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::display;
 use navfuse_core::units::sample::Channel;
@@ -76,6 +77,7 @@ impl SensorType for RelativePose {
             self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?;
         let lever_arm =
             self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
+        composer.mounted(Mounting::at(lever_arm).turned(c_b_s));
         Ok(Role::measurement(RelativePoseModel {
             navigation,
             past,

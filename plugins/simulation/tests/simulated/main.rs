@@ -17,6 +17,7 @@ mod names;
 mod navigation;
 mod noise_free;
 mod past;
+mod ping;
 mod polar;
 mod pooled;
 mod time_offset;

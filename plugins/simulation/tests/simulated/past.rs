@@ -251,6 +251,8 @@ fn registry() -> Registry {
     registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin);
     registry.add(&navfuse_gnss::GnssPlugin);
     registry.sensor::<VisualOdometry>();
+    registry.sensor::<crate::ping::TwoWay>();
+    registry.sensor::<crate::ping::Axes>();
     registry.sensor::<Comparison>();
     registry.process::<Clock>();
     registry.process::<Float>();
@@ -258,7 +260,7 @@ fn registry() -> Registry {
 }
 
 /// Runs a scenario with the plugins of this file.
-fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
+pub fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
     let registry = registry();
     let (finished, judge) = judged(&registry, text, settings);
     assert!(finished.error.is_none(), "{:?}", finished.error);
@@ -266,7 +268,7 @@ fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
 }
 
 /// Mean NEES at the end and mean NIS of a number of runs, each divided by its degrees of freedom.
-fn consistency(text: &str, runs: u64, freedom: (usize, usize)) -> [f64; 2] {
+pub fn consistency(text: &str, runs: u64, freedom: (usize, usize)) -> [f64; 2] {
     let (mut nees, mut nis) = (0.0, (0.0, 0));
     for seed in 1..=runs {
         let (_, judge) = run(text, &[format!("seed={seed}")]);
