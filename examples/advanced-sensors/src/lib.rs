@@ -3,15 +3,11 @@
 mod g_sensitivity;
 mod imu_errors;
 mod landmarks;
-mod pseudoranges;
-mod receiver_clock;
 mod vessel_receiver;
 
 pub use g_sensitivity::GyroSensitivity;
 pub use imu_errors::ImuErrors;
 pub use landmarks::Landmarks;
-pub use pseudoranges::Pseudoranges;
-pub use receiver_clock::ReceiverClock;
 pub use vessel_receiver::VesselReceiver;
 
 use navfuse_core::prelude::*;
@@ -24,9 +20,7 @@ impl Plugin for AdvancedSensors {
     fn build(&self, registry: &mut Registry) {
         registry.process::<ImuErrors>();
         registry.process::<GyroSensitivity>();
-        registry.process::<ReceiverClock>();
         registry.sensor::<Landmarks>();
-        registry.sensor::<Pseudoranges>();
         registry.sensor::<VesselReceiver>();
     }
 

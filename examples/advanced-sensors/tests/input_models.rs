@@ -105,63 +105,8 @@ fn an_imu_model_of_no_driving_sensor_is_refused() {
     );
 }
 
-/// A vehicle that only its pseudoranges locate, with an unknown clock.
-const RECEIVER: &str = r#"
-[estimator]
-draw = "all"
-[process.ins]
-attitude = { sigma = ["0.3 deg", "0.3 deg", "1 deg"] }
-velocity = { sigma = "0.1 m/s" }
-position = { sigma = "10 m" }
-gyro_bias = { sigma = "20 deg/h" }
-accel_bias = { sigma = "500 ug" }
-[process.receiver-clock]
-offset = "30 m"
-drift = "1 m/s"
-offset_noise = "10 cm/sqrt(s)"
-drift_noise = "5 cm/s^2/sqrt(Hz)"
-[sensor.imu]
-gyro_noise = "10 deg/h/sqrt(Hz)"
-accel_noise = "100 ug/sqrt(Hz)"
-simulation = { rate = "20 Hz" }
-[sensor.pseudoranges]
-noise = "1 m"
-gate = "off"
-simulation = { rate = "1 Hz", satellites = 32, mask = "10 deg" }
-[sensor.reference]
-simulation = { rate = "1 Hz" }
-[source.simulation]
-start = { latitude = "43 deg", heading = "30 deg" }
-segments = [
-    { type = "surge", duration = "20 s", speed = "5 m/s" },
-    { type = "turn", duration = "20 s", angle = "180 deg", bank = "8 deg" },
-    { type = "cruise", duration = "20 s" },
-]
-"#;
-
-/// 17 states, so the mean NEES of 30 runs has a sigma of sqrt(2 / (30 * 17)) = 0.063, and the mean
-/// NIS of n observations one of sqrt(2 / n); 3.3 sigma.
-#[test]
-fn pseudoranges_of_4_to_40_satellites_are_consistent_with_a_clock_that_wanders() {
-    for (satellites, least, most) in [(13, 3.0, 6.0), (32, 8.0, 14.0), (148, 36.0, 44.0)] {
-        let setting = format!("sensor.pseudoranges.simulation.satellites={satellites}");
-        let (mut nees, mut nis, mut count) = (0.0, 0.0, 0);
-        for seed in 1..=30 {
-            let settings = [setting.clone(), format!("seed={seed}")];
-            let (finished, judge) = judged(&registry(), RECEIVER, &settings);
-            assert!(finished.error.is_none(), "seed {seed}: {:?}", finished.error);
-            assert_eq!((judge.freedom, judge.refused), (17, 0), "seed {seed}");
-            nees += judge.nees / (30.0 * 17.0);
-            nis += judge.nis.iter().map(|(_, nis)| nis).sum::<f64>();
-            count += judge.nis.len();
-        }
-        let (nis, each) = (nis / f64::from(count as u32), f64::from(count as u32) / (30.0 * 61.0));
-        println!("{satellites} satellites: {each:.1} in view, ANEES {nees:.3}, ANIS {nis:.4}");
-        assert!((least..most).contains(&each), "{each}");
-        assert!((nees - 1.0).abs() < 0.21, "{nees}");
-        assert!((nis - 1.0).abs() < 3.3 * (2.0 / f64::from(count as u32)).sqrt(), "{nis}");
-    }
-}
+/// A vehicle that only its pseudoranges locate.
+const RECEIVER: &str = include_str!("../../../plugins/sensors/gnss/tests/pseudoranges.toml");
 
 /// A vehicle without fixes drives two loops among 18 landmarks, 30 m apart, of which it sees those
 /// within 25 m and maps five.
@@ -257,20 +202,6 @@ fn a_step_with_input_models_several_observations_or_landmarks_allocates_nothing(
         assert_eq!(found.silent.1, 0, "{name}: {found:?}");
         assert_eq!(found.reporting > 0, name == "camera", "{name}: {found:?}");
     }
-}
-
-/// A satellite with an error of 100 sigma is gated, and the others of its time are used.
-#[test]
-fn each_pseudorange_passes_its_gate_or_fails_it_alone() {
-    let text = RECEIVER
-        .replace("gate = \"off\"", "gate = 0.9999")
-        .replace("satellites = 32", "satellites = 32, outliers = \"10 %\", outlier_size = 100");
-    let (finished, judge) = judged(&registry(), &text, &[]);
-    assert!(finished.error.is_none(), "{:?}", finished.error);
-    let share = judge.refused as f64 / judge.nis.len() as f64;
-    // about 600 observations: the share has a sigma of sqrt(0.1 * 0.9 / 600) = 0.012
-    assert!((share - 0.1).abs() < 0.04, "{share}");
-    assert!(judge.nees < 45.0, "chi-square of 17, once in 4000: {}", judge.nees);
 }
 
 #[test]

@@ -126,6 +126,21 @@ fn gnss_conforms() -> Result<(), Failed> {
         lever_arm = { initial = ["-0.4 m", "0 m", "-0.8 m"], sigma = "10 cm" }
         simulation = { rate = "1 Hz" }
         "#,
+    )?;
+    conforms(
+        &navfuse_gnss::GnssPlugin,
+        r#"
+        [process.receiver-clock]
+        offset = "30 m"
+        drift = "1 m/s"
+        offset_noise = "10 cm/sqrt(s)"
+        drift_noise = "5 cm/s^2/sqrt(Hz)"
+        [sensor.pseudoranges]
+        noise = "50 cm"
+        elevation_noise = "50 cm"
+        lever_arm = { initial = ["-0.4 m", "0 m", "-0.8 m"], sigma = "10 cm" }
+        simulation = { rate = "1 Hz" }
+        "#,
     )
 }
 
@@ -236,6 +251,25 @@ fn the_heading_sensors_conform() -> Result<(), Failed> {
         roll_bias = { sigma = "0.5 deg" }
         pitch_bias = { sigma = "0.5 deg", correlation_time = "10 min" }
         simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+/// The vehicle dives from the surface to 15 m, past the first two of three layers.
+#[test]
+fn the_current_profiler_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_doppler::DvlPlugin,
+        r#"
+        [sensor.adcp]
+        type = "water-profile"
+        noise = "2 cm/s"
+        layers = ["2 m", "12 m", "40 m"]
+        current = { sigma = "20 cm/s", correlation_time = "1 h" }
+        scale = { sigma = "0.5 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = ["0.3 m", "0 m", "0.2 m"]
+        simulation = { rate = "0.5 Hz", cells = 8, first = "3 m", size = "4 m" }
         "#,
     )
 }

@@ -143,6 +143,11 @@ impl Instrument {
         self.navigation.position_at(x, &x.get(self.lever_arm))
     }
 
+    /// Turns a vector in the axes of the instrument to north, east, down.
+    pub fn in_navigation<T: Real>(&self, x: &View<'_, T>, v: &Vector3<T>) -> Vector3<T> {
+        x.get(self.navigation.attitude) * (x.get(self.c_b_d).inverse() * v)
+    }
+
     /// Computes the velocity in the instrument's axes as the instrument reads it, m/s:
     /// `y = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l) + b`.
     ///
@@ -150,9 +155,14 @@ impl Instrument {
     /// (Groves eq. 17.13), the current `c`, because an instrument that tracks the water reads
     /// the velocity relative to it, and the bias `b`.
     pub fn velocity<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
+        self.through(x, self.current.map(|current| x.get(current)))
+    }
+
+    /// As [`Self::velocity`], through water that moves with a current (north, east, down).
+    pub fn through<T: Real>(&self, x: &View<'_, T>, current: Option<Vector3<T>>) -> Vector3<T> {
         let mut v_b = self.navigation.velocity_at(x, &x.get(self.lever_arm));
-        if let Some(current) = self.current {
-            v_b -= x.get(self.navigation.attitude).inverse() * x.get(current);
+        if let Some(current) = current {
+            v_b -= x.get(self.navigation.attitude).inverse() * current;
         }
         let y = x.get(self.c_b_d) * v_b * x.get(self.scale);
         self.bias.map_or(y, |bias| y + x.get(bias))

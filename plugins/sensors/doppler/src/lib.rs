@@ -14,12 +14,14 @@ mod dvl;
 mod instrument;
 mod keys;
 mod laser;
+mod profile;
 mod water;
 
 pub use beam::{Beam, PerBeam};
 pub use dvl::{Array, Dvl, DvlBeams, DvlBeamsModel, DvlModel, SoundSpeed};
 pub use instrument::TrackingMode;
 pub use laser::{LaserDoppler, LaserDopplerModel};
+pub use profile::{Cells, ProfileModel, WaterProfile};
 pub use water::WaterCurrent;
 
 use navfuse_core::plugin::{Need, Plugin, Registry};
@@ -42,7 +44,8 @@ impl Plugin for DopplerPlugin {
     }
 }
 
-/// Registers the sensor types `dvl` and `dvl-beams` and the process type `water-current`.
+/// Registers the sensor types `dvl`, `dvl-beams` and `water-profile` and the process type
+/// `water-current`.
 #[derive(Clone, Copy, Debug)]
 pub struct DvlPlugin;
 
@@ -50,6 +53,7 @@ impl Plugin for DvlPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Dvl>();
         registry.sensor::<DvlBeams>();
+        registry.sensor::<WaterProfile>();
         registry.process::<WaterCurrent>();
     }
 

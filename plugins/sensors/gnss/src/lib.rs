@@ -1,5 +1,5 @@
 //! GNSS: position and velocity of the antenna, as a receiver outputs them (loosely coupled; Groves
-//! section 14.3).
+//! section 14.3), or its pseudoranges with the clock of the receiver (tightly coupled).
 //!
 //! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a
 //! bias `b`. `[+]` displaces a geodetic position by metres.
@@ -7,6 +7,12 @@
 //! Latitude and longitude are in radians, and so are their innovations; the radii of curvature at
 //! the estimate convert the noise from metres to radians. In double precision an angle of pi is
 //! accurate to 3 nm on the ground. The normalised innovation squared is the same as in metres.
+
+mod clock;
+mod pseudoranges;
+
+pub use clock::ReceiverClock;
+pub use pseudoranges::{Constellation, PseudorangeModel, Pseudoranges};
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -254,13 +260,13 @@ impl MeasurementModel<6> for GnssModel {
     }
 }
 
-/// Registers the sensor type `gnss`.
+/// Registers the sensor types `gnss` and `pseudoranges` and the process type `receiver-clock`.
 #[derive(Clone, Copy, Debug)]
 pub struct GnssPlugin;
 
 impl Plugin for GnssPlugin {
     fn build(&self, registry: &mut Registry) {
-        registry.sensor::<Gnss>();
+        registry.sensor::<Gnss>().sensor::<Pseudoranges>().process::<ReceiverClock>();
     }
 
     navfuse_core::named_after_crate!();

@@ -4,5 +4,6 @@
 mod beams;
 mod common;
 mod noise;
+mod profile;
 mod sound;
 mod water;

@@ -16,7 +16,7 @@ pub struct ReceiverClock {
 }
 
 #[derive(Clone)]
-struct Model {
+struct ClockModel {
     /// Spectral densities of offset (m^2/s) and drift (m^2/s^3).
     density: [f64; 2],
     offset: Handle<Scalar>,
@@ -37,12 +37,12 @@ impl ProcessType for ReceiverClock {
         let drift = state("drift", self.drift.value().si(), "m/s")?;
         let density =
             [self.offset_noise.value().si().powi(2), self.drift_noise.value().si().powi(2)];
-        Ok(composer.step(Model { density, offset, drift }))
+        Ok(composer.step(ClockModel { density, offset, drift }))
     }
 }
 
 /// `Q` is that of Brown & Hwang, section 9.3.
-impl Step for Model {
+impl Step for ClockModel {
     fn step<T: Real>(
         &self,
         x: &View<'_, T>,
