@@ -97,6 +97,19 @@ fn a_log_whose_axes_point_up_or_to_the_left_is_turned_by_the_motion() {
     }
 }
 
+/// Log and depth are 37 s behind an IMU in a file of its own, and have time in common with it: the depth shows no
+/// motion, but begins and ends with the log.
+#[test]
+fn a_depth_shares_the_clock_of_a_log_with_which_it_begins_and_ends() {
+    let mut recorded = simulated(DIVE);
+    for sensor in ["dvl", "depth"] {
+        let rows = recorded.get_mut(sensor).expect("a sensor");
+        rows.iter_mut().for_each(|(nanos, _)| *nanos -= 37_000_000_000);
+    }
+    let sigma = dive(&recorded, &LOG, &DEPTH);
+    assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{sigma:?}");
+}
+
 /// The IMU counts in GPS time, and log and depth in UTC.
 #[test]
 fn a_log_and_a_depth_that_lack_the_leap_seconds_of_the_imu_are_shifted() {

@@ -24,8 +24,8 @@ const CORRELATED: f64 = 0.5;
 const RELATED: f64 = 0.8;
 /// Root mean square of the changes of velocity, m/s, from which a vehicle manoeuvres.
 const MANOEUVRE: f64 = 0.05;
-/// Largest 1-sigma, rad, of a turn that is determined: 4 deg.
-const DETERMINED: f64 = 0.07;
+/// Largest 1-sigma, rad, of a turn that is determined: five of them are less than half of a quarter turn.
+const DETERMINED: f64 = 0.1 * FRAC_PI_2;
 /// Largest distance, rad, from a quarter turn that is one: 20 deg.
 const QUARTER: f64 = 0.35;
 /// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is

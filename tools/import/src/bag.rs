@@ -194,10 +194,13 @@ pub fn sensors(
     if let Some(depth) = depth {
         used.push(&depth.name);
         let mut sensor = add(depth, "depth", None);
-        sensor
-            .found
-            .questions
-            .push(format!("only the height of the poses of {} changes", depth.name));
+        let question = if depth.kind.starts_with("std_msgs/") {
+            sensor.found.source.push("channels.depth = { field = \"data\" }".to_owned());
+            format!("the numbers of {} are taken for a depth in m", depth.name)
+        } else {
+            format!("only the height of the poses of {} changes", depth.name)
+        };
+        sensor.found.questions.push(question);
         sensors.push(sensor);
     } else if let Some(pressure) = choose(survey, Use::Pressure, notes) {
         used.push(&pressure.name);

@@ -25,6 +25,7 @@ mod several;
 mod stream;
 mod sums;
 mod table;
+mod track;
 mod turns;
 mod vehicle;
 mod vertical;

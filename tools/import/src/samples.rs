@@ -8,6 +8,7 @@ use crate::stream::StreamSurvey;
 use crate::table::GUESSED;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
+use std::path::PathBuf;
 
 /// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
 const FAST: f64 = 0.5;
@@ -27,6 +28,10 @@ const ATMOSPHERE: f64 = 10.1;
 const NEARER: f64 = 5.0;
 /// Sensors whose clock is not shifted: they are what the others are compared with.
 const FIXED: [&str; 5] = ["imu", "ahrs", "reference", "odometry", "attitude"];
+/// Offset, s, that the latency of one instrument does not explain, and its share within which another sensor on the
+/// same clock begins and ends.
+const LATENCY: f64 = 1.0;
+const TOGETHER: f64 = 0.25;
 /// Sensors that drive the filter.
 const DRIVING: [&str; 2] = ["imu", "ahrs"];
 
@@ -337,8 +342,8 @@ impl Recording {
         }
     }
 
-    /// Shifts the clocks whose offset from the clock of the IMU the motion shows, and other sensors that
-    /// have no time in common with the IMU, but with one of these.
+    /// Shifts the clocks whose offset from the clock of the IMU the motion shows, and those of other sensors that share
+    /// one of these: they have no time in common with the IMU, or show no motion.
     fn shift(&mut self, streams: &[StreamSurvey]) -> bool {
         let mut shifted: Vec<(&StreamSurvey, f64)> = Vec::new();
         let own = |part: &&mut Part| part.samples.clock.is_none();
@@ -351,10 +356,24 @@ impl Recording {
             self.notes.push(format!("{}: {}: its stamps are shifted", part.name, clock.describe()));
             shifted.push((stream, clock.correction()));
         }
-        for part in self.parts.iter_mut().filter(own) {
-            let apart = find(streams, part.name).filter(|stream| is_apart(streams, stream));
-            let same = |stream: &StreamSurvey| shifted.iter().find(|(one, _)| one.meets(stream));
-            let Some((other, clock)) = apart.and_then(same) else { continue };
+        let files: Vec<(String, PathBuf)> =
+            self.parts.iter().map(|part| (part.name.to_owned(), part.file.clone())).collect();
+        let file = |name: &str| files.iter().find(|(n, _)| n == name).map(|(_, file)| file);
+        let drive = DRIVING.iter().find_map(|name| file(name));
+        for part in self.parts.iter_mut().filter(own).filter(|p| !FIXED.contains(&p.name)) {
+            let Some(stream) = find(streams, part.name).filter(|s| s.samples > 0) else { continue };
+            // a sensor whose motion shows no clock shares one with that of its file, or that begins and ends with it
+            let apart = is_apart(streams, stream);
+            let together = |other: &StreamSurvey, clock: f64| {
+                let near =
+                    |k: usize| other.span[k].since(stream.span[k]).abs() < TOGETHER * clock.abs();
+                let beside = drive != Some(&part.file) && file(&other.sensor) == Some(&part.file);
+                clock.abs() > LATENCY && stream.clock.is_none() && (beside || (near(0) && near(1)))
+            };
+            let same = shifted.iter().find(|(other, clock)| {
+                if apart { other.meets(stream) } else { together(other, *clock) }
+            });
+            let Some((other, clock)) = same else { continue };
             part.samples.clock = Some(*clock);
             let text =
                 format!("its stamps are shifted by {clock:.3} s, as those of {}", other.sensor);

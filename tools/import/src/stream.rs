@@ -5,6 +5,7 @@ use crate::beams::{Aimed, Beams, Row};
 use crate::clocks::{self, ClockOffset, Measured};
 use crate::earth;
 use crate::sums::Sums;
+use crate::track::{RADIUS, Track};
 use crate::vertical;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
@@ -18,11 +19,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const INTERVALS: usize = 4096;
 /// Intervals beyond this multiple of the usual one are gaps.
 const GAP: f64 = 2.5;
-/// Time between the positions that give a speed, s, and the radius of the Earth, m.
+/// Time between the positions that give a speed, s.
 const TRAVEL: f64 = 5.0;
-const RADIUS: f64 = 6.371e6;
-/// Time between the positions that give a course, s.
-const BETWEEN: f64 = 1.0;
 /// Deviation of the means of one second, m/s^2, below which an IMU is steady.
 const STEADY: f64 = 0.05;
 /// Length of the means by which rest is judged, s.
@@ -94,8 +92,8 @@ enum Motion {
     Heading(Measured, usize),
     /// Indices of the velocities north and east.
     Course(Measured, [usize; 2]),
-    /// Indices of latitude and longitude, and the time and the position before.
-    Place(Measured, [usize; 2], Option<[f64; 3]>),
+    /// Indices of latitude and longitude, whose changes are a velocity.
+    Place(Measured, [usize; 2], Track),
     /// Time and depth.
     Depth(Vec<[f64; 2]>),
     /// Number of the beams, and the velocities along them.
@@ -116,7 +114,7 @@ impl Motion {
         } else if let Some((north, east)) = at("vel_n").zip(at("vel_e")) {
             Self::Course(Measured::Ground(Vec::new()), [north, east])
         } else if let Some((lat, lon)) = at("lat").zip(at("lon")) {
-            Self::Place(Measured::Ground(Vec::new()), [lat, lon], None)
+            Self::Place(Measured::Ground(Vec::new()), [lat, lon], Track::default())
         } else if at("depth") == Some(0) {
             Self::Depth(Vec::new())
         } else if at("beam_3").is_some() {
@@ -159,15 +157,11 @@ impl Motion {
                 let whole = (0..*count).all(|k| sample.get(k).map(|v| row[k] = v).is_some());
                 rows.extend(whole.then_some((time, row)));
             }
-            Self::Place(measured, [lat, lon], before) => {
-                let Some((lat, lon)) = sample.get(*lat).zip(sample.get(*lon)) else { return };
-                let [from, lat0, lon0] = *before.get_or_insert([time, lat, lon]);
-                let seconds = time - from;
-                if seconds >= BETWEEN {
-                    let north = RADIUS * (lat - lat0) / seconds;
-                    let east = RADIUS * (lon - lon0) * lat.cos() / seconds;
-                    measured.ground(0.5 * (from + time), north, east);
-                    *before = Some([time, lat, lon]);
+            Self::Place(measured, [lat, lon], track) => {
+                let fix = sample.get(*lat).zip(sample.get(*lon));
+                let moved = fix.and_then(|(lat, lon)| track.add(time, lat, lon));
+                if let Some([middle, north, east]) = moved {
+                    measured.ground(middle, north, east);
                 }
             }
         }

@@ -263,7 +263,9 @@ fn time_of_day(text: &str) -> Option<i64> {
             (hour.ok()?, minute.ok()?, text.get(4..)?)
         }
     };
-    let (second, nanos) = calendar::decimal_seconds(seconds.as_bytes())?;
+    let mut decimals = Short::default();
+    decimals.push_time(seconds.as_bytes(), 1)?;
+    let (second, nanos) = calendar::decimal_seconds(decimals.text())?;
     calendar::time_of_day(hour, minute, second, nanos).map(|time| days * DAY + half + time)
 }
 
@@ -287,7 +289,34 @@ struct Short {
     length: usize,
 }
 
+impl Default for Short {
+    fn default() -> Self {
+        Self { bytes: [0; LONGEST_DATE], length: 0 }
+    }
+}
+
 impl Short {
+    fn text(&self) -> &[u8] {
+        &self.bytes[..self.length]
+    }
+
+    /// Appends a time of the day whose seconds may have their decimals after one more colon than `colons`
+    /// before them: `08:30:00:250`. Fewer than three digits may count frames of a film or hundredths.
+    fn push_time(&mut self, time: &[u8], colons: usize) -> Option<()> {
+        let places = || time.iter().enumerate().filter(|(_, b)| **b == b':').map(|(at, _)| at);
+        let digits = |at: &usize| time[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+        let of_time = |at: &usize| time[..*at].iter().all(|b| b.is_ascii_digit() || *b == b':');
+        let point = places().nth(colons - 1).filter(of_time);
+        match point.filter(|at| matches!(digits(at), 3 | 6 | 9)) {
+            Some(at) => {
+                self.push(&time[..at])?;
+                self.push(b".")?;
+                self.push(&time[at + 1..])
+            }
+            None => self.push(time),
+        }
+    }
+
     fn push(&mut self, bytes: &[u8]) -> Option<()> {
         let end = self.length.checked_add(bytes.len())?;
         self.bytes.get_mut(self.length..end)?.copy_from_slice(bytes);
@@ -312,13 +341,13 @@ fn date_and_time(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> 
         Order::DayMonthYear => [c, b, a],
         Order::MonthDayYear => [c, a, b],
     };
-    let mut text = Short { bytes: [0; LONGEST_DATE], length: 0 };
+    let mut text = Short::default();
     for (part, end) in in_order.into_iter().zip([b"-", b"-", b"T"]) {
         text.push(part)?;
         text.push(end)?;
     }
     let (time, half) = of_twelve(time);
-    text.push(time.strip_suffix(b" UTC").unwrap_or(time))?;
-    let (nanos, has_time) = calendar::parse(std::str::from_utf8(&text.bytes[..text.length]).ok()?)?;
+    text.push_time(time.strip_suffix(b" UTC").unwrap_or(time), 3)?;
+    let (nanos, has_time) = calendar::parse(std::str::from_utf8(text.text()).ok()?)?;
     has_time.then(|| nanos.checked_add(half)).flatten()
 }

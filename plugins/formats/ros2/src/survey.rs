@@ -9,6 +9,11 @@ use crate::transforms::Transforms;
 use navfuse_core::model::stream::StreamError;
 use std::path::PathBuf;
 
+/// Words in the name of a topic or a frame of a velocity log.
+const LOGS: [&str; 5] = ["dvl", "doppler", "bottom_track", "bottomtrack", "velocity_log"];
+/// Types of messages with a number alone.
+const NUMBERS: [&str; 2] = ["std_msgs/Float64", "std_msgs/Float32"];
+
 /// The use of a topic that its type suggests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -25,9 +30,10 @@ pub enum Use {
     Odometry,
     /// Poses with a covariance.
     Pose,
-    /// Poses whose height alone changes: a depth.
+    /// Poses whose height alone changes, or numbers of a topic that is called depth.
     Depth,
-    /// Velocities along the axes of a velocity log, by the name of the topic or of the frame.
+    /// Velocities along the axes of a velocity log, by the name of the topic or of the frame: a twist, or an
+    /// odometry that never moves along x and y.
     LogTwist,
     /// Inertial measurements of PX4.
     Px4Imu,
@@ -74,13 +80,19 @@ impl TopicSurvey {
 
     /// The use, as the type and the messages suggest it.
     pub fn usage(&self) -> Option<Use> {
-        let log = |name: &str| name.to_lowercase().contains("dvl");
+        let has = |words: &[&str], name: &str| {
+            let name = name.to_lowercase();
+            words.iter().any(|word| name.contains(word))
+        };
+        let log = has(&LOGS, &self.name) || has(&LOGS, &self.frame);
+        let rests = self.upright && self.messages > 1;
+        let twist = self.kind.starts_with("geometry_msgs/Twist") && self.headed;
         match self.usage {
-            Some(Use::Pose) if self.upright && self.messages > 1 => Some(Use::Depth),
-            None if self.kind.starts_with("geometry_msgs/TwistWithCovariance")
-                && (log(&self.name) || log(&self.frame)) =>
-            {
-                Some(Use::LogTwist)
+            Some(Use::Pose) if rests => Some(Use::Depth),
+            Some(Use::Odometry) if rests && log => Some(Use::LogTwist),
+            None if twist && log => Some(Use::LogTwist),
+            None if NUMBERS.contains(&self.kind.as_str()) && has(&["depth"], &self.name) => {
+                Some(Use::Depth)
             }
             usage => usage,
         }
@@ -160,7 +172,7 @@ pub fn survey(
             let headed = definitions
                 .fields(&kind)
                 .is_ok_and(|fields| fields.first().is_some_and(|f| f.name == "header"));
-            let place = (usage == Some(Use::Pose)).then(|| {
+            let place = matches!(usage, Some(Use::Pose | Use::Odometry)).then(|| {
                 let path = ["x", "y"].map(|axis| format!("pose.pose.position.{axis}"));
                 Program::new(&definitions, &kind, &[path[0].as_str(), path[1].as_str()]).ok()
             });

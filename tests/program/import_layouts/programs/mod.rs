@@ -7,6 +7,7 @@ mod labels;
 pub mod mounted;
 mod positions;
 mod senses;
+mod strangers;
 mod times;
 mod untidy;
 
@@ -193,4 +194,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&mounted::PROGRAMS)
         .chain(&binary::PROGRAMS)
         .chain(&untidy::PROGRAMS)
+        .chain(&strangers::PROGRAMS)
 }

@@ -15,6 +15,15 @@ const ACCEL: f64 = 1.0;
 const GRAVITY: [f64; 2] = [9.765, 9.833];
 const MG: f64 = 9.80665e-3;
 
+/// The bias of the gyros, deg/h: some times the noise of one hour, or a tenth of it for an alignment at rest, which only
+/// gyros with less permit.
+pub(super) fn gyro_bias(imu: Option<&StreamSurvey>, aligned_at_rest: bool) -> f64 {
+    let [noise, _] = imu.map_or([0.3, 100.0], StreamSurvey::densities);
+    let usual = if aligned_at_rest { 0.1 * noise } else { 3.0 * noise };
+    let rest = imu.and_then(|imu| imu.quietest).filter(|_| noise > MEMS && !aligned_at_rest);
+    usual.max(rest.map_or(0.0, |rate| rate.to_degrees() * 3600.0))
+}
+
 /// Writes the priors of the biases; `place` is latitude (deg), longitude and height (m), if they are known.
 pub(super) fn biases(
     out: &mut Text,
@@ -22,11 +31,7 @@ pub(super) fn biases(
     heading: Option<Heading>,
     place: Option<[f64; 3]>,
 ) {
-    let [noise, _] = imu.map_or([0.3, 100.0], StreamSurvey::densities);
-    // a bias of some times the noise of one hour; only gyros with less find north at rest
-    let usual = if out.aligned_at_rest { 0.1 * noise } else { 3.0 * noise };
-    let rest = imu.and_then(|imu| imu.quietest).filter(|_| noise > MEMS && !out.aligned_at_rest);
-    let shown = usual.max(rest.map_or(0.0, |rate| rate.to_degrees() * 3600.0));
+    let shown = gyro_bias(imu, out.aligned_at_rest);
     let relative = out.relative || matches!(heading, Some(Heading::Relative));
     let gyro = round(if relative { shown.hypot(EARTH_RATE) } else { shown });
     out.ask(&format!("gyro_bias = {{ sigma = \"{gyro} deg/h\" }}"), "bias of the data sheet");

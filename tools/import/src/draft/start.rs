@@ -1,6 +1,7 @@
 //! The start of a filter without a reference and without a course: an alignment where the gyros find
 //! north, else the attitude of gravity with a heading that is asked for.
 
+use super::priors::gyro_bias;
 use super::text::{AS_ANSWERED, Text};
 use crate::Heading;
 use crate::recording::Recording;
@@ -21,6 +22,8 @@ pub const SLOWEST: f64 = 0.7;
 const SWIMS: f64 = 0.05;
 /// Heading that is accurate enough, rad: 5 deg.
 const GATE: f64 = 0.087;
+/// Heading that gyros with this bias do not find in motion, rad: 20 deg.
+const HOPELESS: f64 = 0.35;
 /// Heading from which a filter linearises again, deg.
 const WIDE: f64 = 5.0;
 /// Rate of the Earth along north at 48 deg, deg/h.
@@ -111,6 +114,9 @@ pub fn align<'a>(
             let _ = write!(gap, ", max_gap = \"{} s\"", (1.1 * log.gaps.1).ceil());
         }
     }
+    // a vehicle in motion does not tell the bias of its gyros from the rate of the Earth
+    let noise = north(imu, span.min(IN_MOTION));
+    let moving = noise.hypot(gyro_bias(Some(imu), false) / EARTH_RATE);
     // the last second is for the filter
     let duration = (span - 1.0).floor().min(LONGEST);
     if rest || recording.part("dvl").is_none() {
@@ -126,7 +132,7 @@ pub fn align<'a>(
             ),
             "time at rest from the start, and the heading that is accurate enough",
         );
-    } else if (known.is_some() || free) && north(imu, span.min(IN_MOTION)) > GATE {
+    } else if (known.is_some() && moving > GATE) || (free && (noise > GATE || moving > HOPELESS)) {
         let begun = begun(out);
         level(out, Some(imu), known.or(begun));
     } else if span >= IN_MOTION {

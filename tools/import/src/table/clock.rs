@@ -2,7 +2,7 @@
 
 use super::columns::Table;
 use super::content::increases;
-use super::units::{self, Decided, Evidence, median, settle};
+use super::units::{self, Decided, Evidence, settle};
 use super::vocabulary::{Meaning, words};
 use navfuse_core::document::quoted;
 use std::ops::RangeInclusive;
@@ -75,7 +75,7 @@ impl Table<'_> {
         let free = |k: &usize| self.columns.iter().all(|(used, _)| used != k);
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
         let columns = || (0..self.layout.width()).filter(free);
-        let dated = columns().find(|k| cell(*k).matches(':').count() == 2);
+        let dated = columns().find(|k| matches!(cell(*k).matches(':').count(), 2 | 3));
         let rising = || columns().find(|k| increases(&self.layout.column(*k)));
         let Some(k) = dated.or_else(rising) else {
             let list = self.listed();
@@ -133,7 +133,7 @@ impl Table<'_> {
 
     /// A time in days, by its range and its interval.
     fn days(&self, heading: &str, values: &[f64], usual: f64) -> Option<Clock> {
-        let step = median(values.windows(2).map(|v| v[1] - v[0]));
+        let step = units::step(values);
         let near = |step: f64| (step / usual).ln().abs();
         let fits = INTERVALS.contains(&(step * DAY)) && near(step * DAY) < near(step);
         let last = values.iter().rev().find(|v| v.is_finite()).filter(|_| fits)?;
@@ -184,7 +184,7 @@ impl Table<'_> {
         let assumed =
             || Decided { unit: "s".to_owned(), why: "no row".to_owned(), evidence: Evidence::None };
         let shown = units::time(&values, usual).unwrap_or_else(assumed);
-        let step = median(values.windows(2).map(|v| v[1] - v[0]));
+        let step = units::step(&values);
         let absurd = |unit: &String| {
             let step = step * units::factor(unit);
             !step.is_nan() && !INTERVALS.contains(&step)
@@ -248,6 +248,8 @@ fn second_of_day(cell: &str) -> f64 {
         time.split(':').map(|p| p.replace(',', ".").parse().unwrap_or(f64::NAN)).collect();
     match *parts.as_slice() {
         [hour, minute, second] => (hour * 60.0 + minute) * 60.0 + second,
+        // milliseconds after a third colon
+        [hour, minute, second, milli] => (hour * 60.0 + minute) * 60.0 + second + 1e-3 * milli,
         _ => f64::NAN,
     }
 }

@@ -172,7 +172,9 @@ impl<'a> Table<'a> {
         } else {
             sensors.extend(self.pressure());
         }
-        if sensors.is_empty() && !place {
+        let deep = sensors.iter().any(|found| found.kind == "depth");
+        let swims = self.has(&BODY) && self.has(&["z"]) && !deep;
+        if (sensors.is_empty() || swims) && !place {
             sensors.extend(self.depth_by_height());
         }
         if place && self.has(&["roll", "pitch", "yaw"]) && !inertial {
@@ -181,7 +183,7 @@ impl<'a> Table<'a> {
             sensors.push(self.other("gnss", &FIX));
         } else if self.has(&["roll", "pitch", "yaw"]) && !inertial {
             sensors.push(self.other("attitude", &["roll", "pitch", "yaw"]));
-        } else if self.has(&["yaw"]) && !self.has(&["roll"]) && !inertial {
+        } else if self.has(&["yaw"]) && !self.has(&["roll"]) && (!inertial || self.repeats("yaw")) {
             sensors.push(self.other("dual-antenna", &["heading"]));
         }
         if self.has(&["speed"]) && !place {
@@ -240,6 +242,7 @@ impl<'a> Table<'a> {
             "gnss" | "reference" => &["lat", "lon"],
             "dvl" => &BODY,
             "depth" => &["depth"],
+            "yaw" | "dual-antenna" => &["yaw"],
             _ => &["speed"],
         };
         let columns: Vec<Vec<f64>> = channels.iter().map(|c| self.values(c)).collect();

@@ -2,7 +2,7 @@
 
 use super::clock::Clock;
 use super::columns::{ACCEL, DTHETA, DVEL, GYRO, Table};
-use super::units::{self, Decided, Evidence, median, same, settle};
+use super::units::{self, Decided, Evidence, same, settle};
 use crate::found::Found;
 
 /// Number of rows from which the norm of the specific force is a rule.
@@ -16,7 +16,7 @@ impl Table<'_> {
     pub(super) fn imu(&self, clock: &Clock) -> Result<Found, String> {
         let named = !(self.has(&GYRO) && self.has(&ACCEL));
         let (turns, speeds) = if named { (DTHETA, DVEL) } else { (GYRO, ACCEL) };
-        let interval = median(clock.seconds.windows(2).map(|t| t[1] - t[0]));
+        let interval = units::step(&clock.seconds);
         let mut questions = Vec::new();
         let (accel, increments) = self.forces(named, speeds, interval, &mut questions)?;
         let per = if increments { interval } else { 1.0 };
@@ -39,7 +39,7 @@ impl Table<'_> {
     /// # Errors
     /// When the specific forces hold no gravity in any unit, and their headings state none.
     pub(super) fn half(&self, clock: &Clock) -> Result<Found, String> {
-        let interval = median(clock.seconds.windows(2).map(|t| t[1] - t[0]));
+        let interval = units::step(&clock.seconds);
         let mut questions = Vec::new();
         let (kind, channels, unit) = if self.has(&ACCEL) {
             let (unit, _) = self.forces(false, ACCEL, interval, &mut questions)?;

@@ -2,6 +2,7 @@
 
 use super::content::increases;
 use super::layout::Layout;
+use super::place;
 use crate::found::Found;
 
 /// The columns of KF-GINS: positions of a receiver, and a solution. Times are seconds of the GPS
@@ -32,7 +33,10 @@ pub fn without_headings(layout: &Layout) -> Option<Found> {
     let week = |k: usize| all(k, &|v| (0.0..=WEEK).contains(&v)) && increases(&columns[k]);
     let below = |k: usize, most: f64| all(k, &|v| v.abs() < most);
     let sigma = |k: usize| all(k, &|v| (0.0..1e3).contains(&v));
-    let place = |k: usize| below(k, 90.0) && below(k + 1, 360.0);
+    // forces and rates have the range of angles too, but they change faster than a vehicle moves
+    let place = |k: usize| {
+        place::order(&columns[k - 1], &columns, k).is_some_and(|order| order[0] == "lat")
+    };
     let (kind, headings): (_, &[&str]) = match width {
         7 if week(0) && place(1) && (4..7).all(sigma) => ("gnss", &POSITIONS),
         11 if week(1) && place(2) && (8..11).all(|k| below(k, 361.0)) => ("reference", &SOLUTION),

@@ -20,12 +20,28 @@ fn is_usual(value: f64) -> bool {
     nines || ["32768", "32767", "65535", "2147483647", "2147483648", "4294967295"].contains(&digits)
 }
 
+/// The usual number of rows in which a column repeats a number: more than one where its sensor is slower than the table.
+fn usual_run(values: impl Iterator<Item = f64>) -> usize {
+    let mut runs: Vec<usize> = Vec::new();
+    let mut before = f64::NAN;
+    for value in values {
+        match runs.last_mut().filter(|_| value == before) {
+            Some(run) => *run += 1,
+            None => runs.push(1),
+        }
+        before = value;
+    }
+    runs.sort_unstable();
+    runs.get(runs.len() / 2).copied().unwrap_or(1)
+}
+
 /// The numbers of a column that stand for no measurement: at most one at each end.
 pub fn of(values: &[f64]) -> Vec<f64> {
     let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let run = usual_run(finite());
     let ends = [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)];
     let is_one = |end: f64, other: f64| {
-        let repeated = finite().filter(|v| *v == end).count() >= REPEATED;
+        let repeated = finite().filter(|v| *v == end).count() >= REPEATED * run;
         let rest = || finite().filter(move |v| *v != end && *v != other);
         let [least, most] =
             [rest().fold(f64::INFINITY, f64::min), rest().fold(f64::NEG_INFINITY, f64::max)];
@@ -68,6 +84,10 @@ mod tests {
         let mut spike = with(&[]);
         spike[5] = 1e4;
         assert!(of(&spike).is_empty());
+        // a heading that passes north, in rows that repeat it
+        let heading = |k: i32| (f64::from(340 + k / 20)).rem_euclid(360.0);
+        let turn: Vec<f64> = (0..410).map(heading).collect();
+        assert!(of(&turn).is_empty());
         let flags: Vec<f64> = (0..100).map(|k| if k < 30 { 0.0 } else { 3.0 }).collect();
         assert!(of(&flags).is_empty());
     }

@@ -216,6 +216,15 @@ pub fn gyro(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]], in_g: bool) 
     decided(unit(noise > limit), format!("the noise of the rates is {noise:.1e}"), evidence)
 }
 
+/// The usual step from row to row: the median, or the mean where most rows have the stamp of the row before, as
+/// samples that arrive in one message do.
+pub fn step(values: &[f64]) -> f64 {
+    let usual = median(values.windows(2).map(|v| v[1] - v[0]));
+    let ends = || values.iter().find(|v| v.is_finite()).zip(values.iter().rfind(|v| v.is_finite()));
+    let mean = || ends().map_or(usual, |(first, last)| (last - first) / (values.len() - 1) as f64);
+    if usual == 0.0 { mean() } else { usual }
+}
+
 /// The unit of a time: by the date if it has one, else by the usual interval.
 pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
     let first = values.iter().copied().find(|v| v.is_finite())?;
@@ -225,7 +234,7 @@ pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
         let why = format!("{first} is a date in {unit} since 1970");
         return Some(decided(unit, why, Evidence::Strong));
     }
-    let step = median(values.windows(2).map(|v| v[1] - v[0]));
+    let step = step(values);
     if step.is_nan() || step <= 0.0 {
         return None;
     }

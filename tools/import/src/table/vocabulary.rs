@@ -1,8 +1,10 @@
 //! One vocabulary of headings: the words of many programs for the channels of sensors.
 
+mod languages;
 mod lists;
 mod vectors;
 
+use languages::{english, plain};
 use lists::{BEHIND, FOLLOWING, LOG, NOISE, OTHERS, SCALARS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
 use vectors::{AXES, OWN_AXES, VECTORS};
@@ -20,7 +22,7 @@ pub struct Meaning {
     pub rank: usize,
 }
 
-/// A heading in words: lower case, without separators.
+/// A heading in words: lower case, without separators and accents.
 pub fn words(heading: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
@@ -33,7 +35,7 @@ pub fn words(heading: &str) -> Vec<String> {
             words.push(String::new());
         }
         if c.is_alphanumeric() {
-            words.iter_mut().last().into_iter().for_each(|w| w.extend(c.to_lowercase()));
+            words.iter_mut().last().into_iter().for_each(|w| w.extend(c.to_lowercase().map(plain)));
         }
         before = c;
     }
@@ -126,16 +128,18 @@ fn of_unit(channel: &'static str, unit: Option<&str>) -> Option<&'static str> {
 
 /// The channel of words beside a unit, and its sign and rank.
 fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, usize)> {
-    let plain = words.concat();
+    let whole = words.concat();
     let kept: Vec<&str> = words.iter().map(String::as_str).filter(|w| !NOISE.contains(w)).collect();
     let joined = kept.concat();
     let number = |text: &str| {
+        let text = english(text);
         SCALARS.iter().find_map(|(name, _, sign, words)| {
             let rank = words.iter().position(|w| *w == text)?;
             Some((of_unit(name, unit)?, *sign, rank))
         })
     };
     let vector = |text: &str, word: &str| {
+        let text = english(text);
         let any = AXES.iter().find(|(axis, ..)| *axis == word);
         let own = |names: &[&str; 3]| {
             let (_, axes) = OWN_AXES.iter().find(|(first, _)| *first == names[0])?;
@@ -172,8 +176,8 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
         let found = || split(&kept.concat()).filter(|(name, ..)| name.starts_with("vel_"));
         fewer.then(found).flatten()
     };
-    let plainly = number(&plain).or_else(|| number(&joined));
-    plainly.or_else(|| split(&plain)).or_else(|| split(&joined)).or_else(of_log)
+    let plainly = number(&whole).or_else(|| number(&joined));
+    plainly.or_else(|| split(&whole)).or_else(|| split(&joined)).or_else(of_log)
 }
 
 /// The meaning of a heading.

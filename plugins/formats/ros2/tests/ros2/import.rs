@@ -1,6 +1,6 @@
 //! A bag becomes a scenario that runs, with the topics, lever arms and mountings of the bag.
 
-use crate::recorder::{Imu, Raw, mcap, odometry, pressure, raw, rolled, usual};
+use crate::recorder::{Imu, Raw, mcap, number, odometry, pressure, raw, rolled, twist, usual};
 use crate::registry;
 use navfuse_core::document::Document;
 use navfuse_core::run::runner;
@@ -130,6 +130,38 @@ fn the_pressure_is_the_water_s_and_a_topic_without_a_number_is_left_out() {
         assert!(!found.scenario.contains("topic = \"/leak\""), "{}", found.scenario);
         let note = found.notes.iter().any(|n| n.contains("has no valid sample for it: left out"));
         assert_eq!(note, !used, "{:?}", found.notes);
+    }
+}
+
+/// A twist whose topic names a log, or an odometry that never moves and does so, is its velocity, and the number of a
+/// topic that is called depth is a depth; other twists and numbers are none.
+#[test]
+fn a_twist_an_odometry_and_a_number_are_a_log_and_a_depth_by_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag.mcap");
+    let still: Vec<Imu> = usual(3000).iter().map(|m| Imu { rate: 4.3e-5, ..*m }).collect();
+    let slow = || still.iter().step_by(20).map(|m| m.received);
+    let fixed = |topic, t| odometry(t, [0.0; 3], [0.0, 0.0, 0.0, 1.0]).on(topic);
+    let logs: [(Vec<Raw>, bool); 4] = [
+        (slow().map(|t| twist("/auv/bottom_track", t, 1.0)).collect(), true),
+        (slow().map(|t| twist("/cmd_vel_stamped", t, 1.0)).collect(), false),
+        (slow().map(|t| fixed("/dvl/odom", t)).collect(), true),
+        (slow().map(|t| fixed("/odom", t)).collect(), false),
+    ];
+    for ((log, is_log), topic) in
+        logs.into_iter().zip(["/auv/depth", "/auv/voltage"].iter().cycle())
+    {
+        let numbers = slow().map(|t| number(topic, t + 1, 12.0));
+        let mut messages: Vec<Raw> =
+            still.iter().map(Raw::from).chain(log).chain(numbers).collect();
+        messages.sort_by_key(|m| m.received);
+        std::fs::write(&bag, raw(&messages, None, Some(4096))).unwrap();
+        let found = imported(&bag).unwrap();
+        assert_eq!(found.scenario.contains("[sensor.dvl]"), is_log, "{}", found.scenario);
+        let depth = found.streams.iter().find(|s| s.sensor == "depth");
+        let is_depth = *topic == "/auv/depth";
+        assert_eq!(depth.is_some(), is_depth, "{}", found.scenario);
+        assert!(depth.is_none_or(|s| s.samples == 150 && s.mean[0] == 12.0), "{depth:?}");
     }
 }
 

@@ -50,6 +50,13 @@ pub struct Raw {
     data: Vec<u8>,
 }
 
+impl Raw {
+    /// The same message on another topic.
+    pub fn on(self, topic: &'static str) -> Self {
+        Self { topic, ..self }
+    }
+}
+
 impl From<&Imu> for Raw {
     fn from(imu: &Imu) -> Self {
         let kind = ["sensor_msgs/msg/Imu", IMU];
@@ -96,6 +103,21 @@ pub fn pressure(topic: &'static str, received: i64, pascals: f64) -> Raw {
     [pascals, 0.0].iter().for_each(|n| data.extend(n.to_le_bytes()));
     let text = "std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance\n";
     Raw { topic, kind: ["sensor_msgs/msg/FluidPressure", text], received, data }
+}
+
+/// A velocity forward in the frame of a log.
+pub fn twist(topic: &'static str, received: i64, speed: f64) -> Raw {
+    let mut data = encode(&Imu { topic, stamp: received, received, rate: 0.0 });
+    data.truncate(4 + 16);
+    [speed, 0.0, 0.0, 0.0, 0.0, 0.0].iter().for_each(|n: &f64| data.extend(n.to_le_bytes()));
+    let text = "std_msgs/Header header\ngeometry_msgs/Twist twist\n";
+    Raw { topic, kind: ["geometry_msgs/msg/TwistStamped", text], received, data }
+}
+
+/// A number without a header.
+pub fn number(topic: &'static str, received: i64, value: f64) -> Raw {
+    let data = [[0, 1, 0, 0].as_slice(), &value.to_le_bytes()].concat();
+    Raw { topic, kind: ["std_msgs/msg/Float64", "float64 data\n"], received, data }
 }
 
 /// An MCAP file of measurements.

@@ -26,9 +26,6 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "w",
             "g",
             "om",
-            "drehrate",
-            "winkelgeschwindigkeit",
-            "vitesseangulaire",
         ],
     ),
     (
@@ -54,9 +51,6 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             // load factors of an aircraft
             "n",
             "loadfactor",
-            "beschleunigung",
-            "beschl",
-            "aceleracion",
         ],
     ),
     (
