@@ -116,6 +116,22 @@ fn a_dive_through_layers_is_consistent_and_hands_the_velocity_down() {
     assert!(sigma > 25.0 && alone > 5.0 * sigma, "{sigma} {alone}");
 }
 
+/// One cell in twenty is off by 20 sigma. The band is that of the test above.
+#[test]
+fn one_outlier_in_twenty_leaves_the_dive_consistent() {
+    let text =
+        DIVE.replace("gate = \"off\"\n", "").replace("cells = 8", "outliers = \"5 %\", cells = 8");
+    let of = |seed| {
+        let settings = [format!("seed={seed}")];
+        let (finished, judge) = judged(&navfuse_testing::registry(), &text, &settings);
+        assert!(finished.error.is_none(), "seed {seed}: {:?}", finished.error);
+        judge.nees / (20.0 * 27.0)
+    };
+    let nees: f64 = (1..=20).map(of).sum();
+    println!("ANEES {nees:.3}");
+    assert!((nees - 1.0).abs() < 0.21, "{nees}");
+}
+
 fn position(finished: &Finished) -> &StateRow {
     finished.summary.rows.iter().find(|row| row.name == "ins.position").unwrap()
 }
