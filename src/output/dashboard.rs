@@ -133,7 +133,7 @@ fn table_of_sensors(sensors: &[SensorStatus]) -> Table<'_> {
         let state = match sensor.state {
             SensorState::Used => colour(Tone::Good),
             SensorState::Waiting | SensorState::Off => Style::new(),
-            SensorState::Contradicting => colour(Tone::Bad),
+            SensorState::Doubted => colour(Tone::Bad),
             SensorState::Gated | SensorState::Rejected | SensorState::Silent => {
                 colour(Tone::Doubtful)
             }
@@ -153,8 +153,8 @@ fn table_of_sensors(sensors: &[SensorStatus]) -> Table<'_> {
         ]
     };
     let headings =
-        ["sensor", "state", "Hz", "age s", "lag ms", "NIS", "share", "used", "gated", "wrong"];
-    let widths = [0, 13, 6, 5, 6, 5, 6, 8, 5, 5].map(column);
+        ["sensor", "state", "Hz", "age s", "lag ms", "NIS", "share", "used", "gated", "rejected"];
+    let widths = [0, 9, 6, 5, 6, 5, 6, 8, 5, 8].map(column);
     table(headings.map(Span::from), sensors.iter().map(row).collect(), widths, 2..10)
 }
 
@@ -290,7 +290,7 @@ mod tests {
             sensors: vec![
                 sensor("imu", SensorState::Used, 200.0, [246_900, 0, 0]),
                 sensor("gnss", SensorState::Silent, 1.0, [1200, 3, 0]),
-                sensor("dvl", SensorState::Contradicting, 5.0, [6001, 170, 2]),
+                sensor("dvl", SensorState::Doubted, 5.0, [6001, 170, 2]),
             ],
             latency_ms: [0.063, 1.413, 12.5],
             ..Status::default()
@@ -324,10 +324,10 @@ mod tests {
         dive: runs, and ends by q; estimate at 1234.500 s
         verdict so far: doubtful: dvl contradicts the others
         latency, ms: median 0.063, 99 % 1.413, largest 12.500
-        sensor       state             Hz age s lag ms   NIS  share     used gated wrong
-        imu          used           200.0   0.0      -     -      -   246900     0     0
-        gnss         silent           1.0   0.0   12.3   1.0   33 %     1200     3     0
-        dvl          contradicting    5.0   0.0   12.3   1.0   33 %     6001   170     2
+        sensor        state         Hz age s lag ms   NIS  share     used gated rejected
+        imu           used       200.0   0.0      -     -      -   246900     0        0
+        gnss          silent       1.0   0.0   12.3   1.0   33 %     1200     3        0
+        dvl           doubted      5.0   0.0   12.3   1.0   33 %     6001   170        2
         estimate                                               1-sigma N       E       D
         lat lon, height m    43.0123456    5.1234567    -31.04      0.52    0.49    0.05
         velocity NED m/s          1.234       -0.567     0.012     0.012   0.013   0.004

@@ -20,6 +20,12 @@ pub fn summary(summary: &Summary) {
     }
     right(&mut states, 2..6);
     line(format_args!("{states}\n"));
+    for (row, since) in summary.rows.iter().filter_map(|row| Some((row, row.since?))) {
+        line(format_args!(
+            "{}: fixed by the scenario, found to be wrong, and estimated since {since}\n",
+            row.name
+        ));
+    }
     let mut sensors =
         table(&["sensor", "read", "used", "gated", "rejected", "mean NIS", "expected", "band", ""]);
     for (name, value) in &summary.samples {
@@ -168,7 +174,7 @@ pub fn tone(level: VerdictLevel) -> Tone {
 }
 
 fn state(row: &StateRow, table: &mut Table) {
-    if row.mode == Mode::Fixed && row.error.is_none() {
+    if row.mode == Mode::Fixed && row.error.is_none() && row.since.is_none() {
         return;
     }
     for (k, component) in row.components.iter().enumerate() {
@@ -184,6 +190,7 @@ fn state(row: &StateRow, table: &mut Table) {
         let then = row.error_sigma[k]; // at the error's time
         let ratio = error.filter(|_| then > 0.0).map_or_else(String::new, |e| fixed(e / then, 1));
         let sigma_text = match row.mode {
+            Mode::Fixed if row.since.is_some() => number(sigma, sigma),
             Mode::Fixed => "fixed".to_owned(),
             Mode::Consider => format!("{} considered", number(sigma, sigma)),
             Mode::Estimate => number(sigma, sigma),

@@ -213,3 +213,30 @@ fn a_sensor_of_which_most_samples_are_gated_must_not_be_used() {
     assert_eq!(verdict.level, VerdictLevel::DoNotUse, "{verdict:#?}");
     reason(&verdict, Criterion::Gated, "dvl");
 }
+
+/// A lever arm of 2 m that is zero: it was fixed, and is estimated since the finding, which the tables state.
+#[test]
+fn a_fixed_block_that_was_found_wrong_is_shown_as_estimated_since_then() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = scenario("faults/dvl-lever-arm").display().to_string();
+    let out = folder.path().display().to_string();
+    let run = navfuse(&["run", &path, "--out", &out, "--format", "json", "--accept-inconsistent"]);
+    let report: Value = serde_json::from_str(&stdout(&run)).expect("JSON");
+    let arm = &report["states"]["dvl.lever_arm"];
+    let since = arm["estimated_since_s"].as_f64().expect("a time");
+    assert!((250.0..500.0).contains(&since), "{arm}");
+    for (error, sigma) in
+        arm["error"].as_array().into_iter().flatten().zip(arm["sigma"].as_array().expect("sigmas"))
+    {
+        let [error, sigma] = [error, sigma].map(|x| x.as_f64().expect("a number"));
+        // 2 m off at the begin; four sigma of three components come in one of 5000 runs
+        assert!(sigma > 0.0 && sigma < 1.0 && error.abs() < 4.0 * sigma, "{arm}");
+    }
+    let log = folder.path().join("run.mcap").display().to_string();
+    let page = folder.path().join("report.html");
+    let html = page.display().to_string();
+    navfuse(&["report", &log, "--out", &html]);
+    let page = std::fs::read_to_string(page).expect("a page");
+    let row = page.split("dvl.<wbr>lever_arm").nth(1).expect("a row").split("</tr>").next();
+    assert!(row.is_some_and(|row| row.contains("±") && row.contains(" since 38")), "{row:?}");
+}

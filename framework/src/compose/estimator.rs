@@ -7,7 +7,7 @@ use crate::compose::snapshot::Snapshot;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
-use crate::model::record::{Epoch, Event, Observer, Rejection, Truth};
+use crate::model::record::{Corrected, Epoch, Event, Observer, Rejection, Truth};
 use crate::model::sensor::Role;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
@@ -133,6 +133,11 @@ pub trait Estimator: Send {
 
     /// Reports of the initial alignments, each with the name of its process.
     fn alignments(&self) -> Vec<(String, AlignmentReport)> {
+        Vec::new()
+    }
+
+    /// Fixed blocks that were found to be wrong, and that the estimator estimates since then.
+    fn corrected(&self) -> Vec<Corrected> {
         Vec::new()
     }
 

@@ -9,7 +9,7 @@ use crate::compose::estimator::{Estimator, EstimatorType};
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
-use crate::model::record::{Epoch, Event, Observer, Truth};
+use crate::model::record::{Corrected, Epoch, Event, Observer, Truth};
 use crate::model::sensor::rule::UpdateRule;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
@@ -95,6 +95,10 @@ macro_rules! estimator {
             }
             fn linearised(&mut self) -> Option<&mut dyn Linearised> {
                 Some(self)
+            }
+            fn corrected(&self) -> Vec<Corrected> {
+                let $e = self;
+                $filter.corrected()
             }
             fn alignments(&self) -> Vec<(String, AlignmentReport)> {
                 let $e = self;

@@ -4,8 +4,8 @@ use crate::checkpoint::saved;
 use crate::model::record::finding::Finding;
 use crate::model::record::verdict::Verdict;
 use crate::model::record::{
-    Derived, Epoch, Event, InputRejection, Level, Observer, Record, Rejection, Repetition,
-    UpdateRecord, Wants,
+    Corrected, Derived, Epoch, Event, InputRejection, Level, Observer, Record, Rejection,
+    Repetition, UpdateRecord, Wants,
 };
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::session::output_rate::OutputRate;
@@ -191,8 +191,11 @@ impl Outputs {
         self.judge.clone().verdict(&self.findings, None, compared, end)
     }
 
-    /// Closes the open sinks, all at the same time, and returns the places that they wrote to.
-    pub(crate) fn close(&mut self, time: Time) -> Vec<Recorded> {
+    /// Passes on the fixed blocks that are estimated, closes the open sinks, all at the same time, and
+    /// returns the places that they wrote to.
+    pub(crate) fn close(&mut self, time: Time, corrected: &[Corrected]) -> Vec<Recorded> {
+        let derived = corrected.iter().map(|corrected| corrected.derived(time));
+        derived.for_each(|derived| self.send(time, &Record::Derived(&derived)));
         let mut recorded = Vec::new();
         let open: Vec<&mut Output> = self.sinks.iter_mut().filter(|o| o.open).collect();
         for (sink, finished) in finish(open) {

@@ -460,7 +460,7 @@ impl Session {
     ) -> Finished {
         let time = self.estimator.time();
         let verdict = self.outputs.verdict(time, error.as_ref().map(ToString::to_string));
-        let recorded = self.outputs.close(time);
+        let recorded = self.outputs.close(time, &self.estimator.corrected());
         let mut summary = self.outputs.statistics.summary(self.estimator.as_ref(), verdict);
         summary.smoothing = quality;
         let findings = std::mem::take(&mut self.outputs.findings);

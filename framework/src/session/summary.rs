@@ -83,8 +83,10 @@ pub struct StateRow {
     pub mode: Mode,
     /// The estimate at the end.
     pub estimate: Vec<f64>,
-    /// Its 1-sigma.
+    /// Its 1-sigma; zero for a fixed block that is not estimated.
     pub sigma: Vec<f64>,
+    /// Time since when a fixed block is estimated, which was found to be wrong.
+    pub since: Option<Time>,
     /// Estimate minus reference at the last time of the reference; none if that time precedes the
     /// end by more than 2 s and by more than twice the last interval of the reference.
     pub error: Option<Vec<f64>>,
@@ -238,6 +240,7 @@ impl Statistics {
         let (truth, end) = (estimator.truth(), state.time);
         let filtered = self.smoothed.as_ref().and(self.comparison.horizontal_error());
         let last = self.smoothed.as_ref().unwrap_or(&self.comparison);
+        let corrected = estimator.corrected();
         let mut rows = Vec::new();
         let mut states = Map::new();
         for (slot, block) in layout.blocks.iter().enumerate() {
@@ -246,6 +249,10 @@ impl Statistics {
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show(&state.values, &mut estimate);
             block.show_sigma(&state.values, &covariance, &mut sigma);
+            let found = corrected.iter().find(|corrected| corrected.block == block.name);
+            if let Some(corrected) = found {
+                sigma[..n].copy_from_slice(&corrected.sigma);
+            }
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
@@ -265,6 +272,7 @@ impl Statistics {
                 mode: block.spec.mode,
                 estimate: estimate[..n].to_vec(),
                 sigma: sigma[..n].to_vec(),
+                since: found.map(|corrected| corrected.since),
                 error,
                 error_sigma,
             };
@@ -281,6 +289,9 @@ impl Statistics {
             }
             if row.mode != Mode::Estimate {
                 value["mode"] = json!(row.mode);
+            }
+            if let Some(since) = row.since {
+                value["estimated_since_s"] = json!(since.seconds());
             }
             states.insert(block.name.clone(), value);
             rows.push(row);

@@ -31,7 +31,7 @@ use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::EstimatorError;
 use crate::model::process::start::AlignmentReport;
 use crate::model::record::finding::Finding;
-use crate::model::record::{Epoch, Event, Level, Observer, Repetition, Truth};
+use crate::model::record::{Corrected, Epoch, Event, Level, Observer, Repetition, Truth};
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
@@ -451,6 +451,10 @@ impl Estimator for Relinearised {
 
     fn lacking(&self) -> Option<&Block> {
         self.estimator.lacking()
+    }
+
+    fn corrected(&self) -> Vec<Corrected> {
+        self.estimator.corrected()
     }
 
     fn alignments(&self) -> Vec<(String, AlignmentReport)> {

@@ -1,6 +1,6 @@
 //! The health of a sensor over time: what a finding about it changes, and until when.
 
-use navfuse_core::model::record::finding::{Finding, Severity};
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Health, Judged, Judgement, Lane};
 use navfuse_core::units::time::Time;
 
@@ -11,6 +11,10 @@ fn time(seconds: i64) -> Time {
 /// A lane of a sensor with one sample a second, each with its outcome and NIS, that has a finding of
 /// that severity at 40 s. Health and begin of its stretches, s.
 fn lane(severity: Severity, sample: impl Fn(i64) -> (Health, f64)) -> Vec<(Health, f64)> {
+    lane_of(&Finding { severity, ..Finding::default() }, sample)
+}
+
+fn lane_of(finding: &Finding, sample: impl Fn(i64) -> (Health, f64)) -> Vec<(Health, f64)> {
     let mut lane = Lane::default();
     for k in 0..200 {
         let (health, nis) = sample(k);
@@ -18,7 +22,7 @@ fn lane(severity: Severity, sample: impl Fn(i64) -> (Health, f64)) -> Vec<(Healt
         let innovation = (!health.refuses()).then_some(judgement);
         lane.update(&Judged { time: time(k), health, present: 1, innovation });
         if k == 40 {
-            lane.doubt(&Finding { time: time(k), severity, ..Finding::default() });
+            lane.doubt(&Finding { time: time(k), ..finding.clone() });
         }
     }
     // before its first sample the sensor is silent
@@ -35,6 +39,10 @@ fn a_contained_fault_is_doubted_until_its_sensor_agrees_again() {
     assert_eq!(lane(Severity::Contained, sample), contained);
     assert_eq!(lane(Severity::Doubtful, sample), contained[..3]);
     assert_eq!(lane(Severity::Note, sample)[2..], [(Used, 60.0)]);
+    // after a silence the filter was off, and not the sensor
+    let (severity, basis) = (Severity::Contained, Basis::Silence);
+    let silence = lane_of(&Finding { severity, basis, ..Finding::default() }, sample);
+    assert_eq!(silence[2..], [(Used, 60.0)]);
 }
 
 /// A mean NIS of 1.7 in place of 1 is 2.5 of its sigma, `sqrt(2 / 25)`: such samples do not agree,

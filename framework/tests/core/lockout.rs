@@ -292,7 +292,7 @@ fn a_sensor_slower_than_the_time_to_recovery_leaves_lock_out_all_the_same() {
         [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]
     );
     assert_eq!(
-        b.log.says("locked out: every one of 3 samples was gated since 50.000 s"),
+        b.log.says("every one of 3 samples was gated since 50.000 s"),
         1,
         "{:?}",
         b.log.events
@@ -324,13 +324,7 @@ fn after_silence_the_covariance_is_inflated_at_once() {
     let mut expected = [Outcome::Accepted; 7];
     expected[..2].fill(Outcome::Gated); // two may be outliers
     assert_eq!(b.log.outcomes(), expected);
-    assert_eq!(
-        b.log
-            .says("since 29.000 s, after 20.0 s without a used sample; the covariance is inflated"),
-        1,
-        "{:?}",
-        b.log.events
-    );
+    assert_eq!(b.log.says("after 20.0 s without a used sample of "), 1, "{:?}", b.log.events);
     assert_eq!(b.log.findings[0].severity, Severity::Contained);
     assert!((b.value("cart.place") - 60.0).abs() < 0.5, "{}", b.value("cart.place"));
 }

@@ -6,10 +6,11 @@ use crate::blueprint::{Layout, height};
 use crate::legend;
 use crate::map::Graticule;
 use crate::overview;
+use crate::plots::{Plots, end_of_run};
 use crate::polar::Polar;
 use crate::run::Run;
 use crate::scene::{AROUND, DISTANCE, LIVE_VEHICLE, VEHICLE};
-use crate::state::{BlockSeries, Plots, end_of_run};
+use crate::state::BlockSeries;
 use crate::style::{label, title};
 use crate::tab::Tab;
 use crate::track::{Extent, Motion};
@@ -69,6 +70,7 @@ pub fn messages(
 ) -> RecordingStreamResult<Vec<LogMsg>> {
     let ranges = stage == Stage::Ended;
     let mut layout = Layout::new(ranges);
+    layout.timed = true;
     layout.latest = (stage == Stage::Watched).then_some(LATEST);
     layout.span = run.span.filter(|(first, last)| ranges && first < last);
     let root = layout.root(run, tabs);
@@ -117,7 +119,8 @@ impl Layout {
         }
         sensors.extend(self.samples(&run.samples));
         all.extend(group("Sensors", sensors));
-        (self.legend, self.rows, self.corner) = (true, 3, Corner2D::RightTop);
+        (self.legend, self.rows, self.columns) = (true, 3, 4);
+        self.corner = Corner2D::RightTop;
         all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
     }
 
@@ -159,19 +162,16 @@ impl Layout {
         {
             let block = &run.blocks[b];
             let name = format!("Worst: {}", block.full_name(k));
-            self.legend = true;
             // without a truth the worst state is the one whose sigma fell least
             let (leaf, name, range) = match block.components[k].tally.worst {
                 Some(worst) => {
                     let size = worst.sigmas.max(4.0);
-                    self.corner = plots.corners.normalised;
-                    let name = format!("{name}, {}", block.ratio());
-                    ("normalised", name, [-size, size])
+                    let range = self.legend_at(&plots.legends.normalised, true, [-size, size]);
+                    ("normalised", format!("{name}, {}", block.ratio()), range)
                 }
                 None => {
-                    self.corner = plots.corners.sigma;
-                    let name = format!("{name}, sigma {}", powers(plots.error.unit));
-                    ("sigma", name, plots.logarithms)
+                    let range = self.legend_at(&plots.legends.sigma, true, plots.logarithms);
+                    ("sigma", format!("{name}, sigma {}", powers(plots.error.unit)), range)
                 }
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
@@ -191,7 +191,13 @@ impl Layout {
     /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
     fn track(&mut self, run: &Run) -> Option<ContainerLike> {
         let track = run.track.as_ref()?;
-        let [whole, mut map] = self.overviews(&track.extent);
+        let depth = if self.ranges { track.extent.exaggeration() } else { 1.0 };
+        let name = match depth > 1.0 {
+            true => format!("3-D track, depth x {depth}"),
+            false => "3-D track".to_owned(),
+        };
+        let name = enlarged(&name, track, self.ranges);
+        let [whole, mut map] = self.overviews(&name, &track.extent);
         if let Some(polar) = Polar::of(track).filter(|_| self.ranges) {
             // the projection of the map has no pole
             let title = polar.title();
@@ -231,14 +237,10 @@ impl Layout {
     }
 
     /// The views of all tracks in that box: in three dimensions and on the map.
-    pub(crate) fn overviews(&mut self, extent: &Extent) -> [ContainerLike; 2] {
+    pub(crate) fn overviews(&mut self, name: &str, extent: &Extent) -> [ContainerLike; 2] {
         let depth = if self.ranges { extent.exaggeration() } else { 1.0 };
-        let name = match depth > 1.0 {
-            true => format!("3-D track, depth x {depth}"),
-            false => "3-D track".to_owned(),
-        };
         let contents = ["+ /world/**", "- /world/vehicle/**", "+ /world/vehicle/here"];
-        let whole = self.space(&name, "/", extent, &contents);
+        let whole = self.space(name, "/", extent, &contents);
         let graticule = Graticule::new(extent).filter(|_| self.ranges);
         let name = match self.ranges {
             true => crate::map::title(extent, graticule.as_ref()),
@@ -298,7 +300,8 @@ impl Layout {
                     Some(plots) => self.component(&name, block, k, plots),
                     None if self.ranges => continue,
                     None => {
-                        let name = label(&name, block.components[k].unit);
+                        self.columns = 1;
+                        let name = block.live_title(&name, k);
                         vec![self.plot(&name, &[format!("+ {}", block.live_entity(k))], None)]
                     }
                 };
@@ -316,7 +319,7 @@ impl Layout {
         k: usize,
         plots: &Plots,
     ) -> Vec<ContainerLike> {
-        let (pixels, legend) = (height(self.rows), self.legend);
+        let (pixels, first) = (height(self.rows), self.legend);
         let end = self.span.map(|(first, last)| end_of_run(first, last));
         let of = |leaf: &str| format!("+ {}", block.entity(k, leaf));
         let mut value = vec![of("estimate"), of("truth")];
@@ -324,17 +327,19 @@ impl Layout {
             value.push(of("filtered"));
         }
         let mut all = Vec::new();
+        let compared = plots.errors.is_some() && !block.constant;
+        self.columns = if compared { 4 } else { 3 };
         let unit = plots.value.unit;
         let whole = label(name, unit);
-        self.corner = plots.corners.value;
-        all.push(self.plot_of(&whole, &value, Some(plots.values[0]), None, pixels));
+        let range = self.legend_at(&plots.legends.value, first, plots.values[0]);
+        all.push(self.plot_of(&whole, &value, Some(range), None, pixels));
         match &plots.errors {
             Some([whole, last]) if !block.constant => {
                 let unit = plots.error.unit;
                 let error = [of("error")];
                 let title = label(&format!("{name} {}", block.compared), unit);
-                self.corner = plots.corners.error;
-                all.push(self.plot_of(&title, &error, Some(*whole), None, pixels));
+                let range = self.legend_at(&plots.legends.error, first, *whole);
+                all.push(self.plot_of(&title, &error, Some(range), None, pixels));
                 self.legend = false;
                 let title = label(&format!("{name} {}, end", block.compared), unit);
                 all.push(self.plot_of(&title, &error, Some(*last), end, pixels));
@@ -345,11 +350,10 @@ impl Layout {
                 all.push(self.plot_of(&title, &value, Some(plots.values[1]), end, pixels));
             }
         }
-        self.legend = legend;
         let title = format!("{name} sigma {}", powers(plots.error.unit));
         let sigma = [of("sigma")];
-        self.corner = plots.corners.sigma;
-        all.push(self.plot_of(&title, &sigma, Some(plots.logarithms), None, pixels));
+        let range = self.legend_at(&plots.legends.sigma, first, plots.logarithms);
+        all.push(self.plot_of(&title, &sigma, Some(range), None, pixels));
         all
     }
 }

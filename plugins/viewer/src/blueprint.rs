@@ -2,6 +2,7 @@
 //! does not set.
 
 use crate::axis;
+use crate::corner::Place;
 use crate::recording::{APPLICATION, TIMELINE};
 use re_sdk::blueprint::components::{Corner2D, PanelState, PlayState, ViewClass};
 use re_sdk::blueprint::{
@@ -22,6 +23,9 @@ const WINDOW: f64 = 890.0;
 /// Height of a plot's title and of its time axis, pixels.
 const FRAME: f64 = 46.0;
 
+/// Width of a window, of a letter of a title, and of the icons beside it, pixels.
+const TITLES: [f64; 3] = [1600.0, 7.0, 120.0];
+
 /// Entity of the view whose time axis all linked views share; viewers have its id built in.
 const ALL_VIEWS: &str = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc";
 
@@ -40,13 +44,16 @@ pub struct Layout {
     pub(crate) ranges: bool,
     /// The number of plots above one another, from which follows which ticks have numbers.
     pub rows: usize,
+    /// Set where the titles of plots end with their time.
+    pub(crate) timed: bool,
+    /// The number of plots beside one another, from which follows how long their titles are.
+    pub(crate) columns: usize,
     /// The time of the run, ns, where it is known: the plots' horizontal axis.
     pub span: Option<(i64, i64)>,
     /// Length of the latest time that plots show of a run that goes on, ns; they then follow
     /// the cursor.
     pub(crate) latest: Option<i64>,
-    /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
-    /// plots.
+    /// Gives the next plots a legend.
     pub legend: bool,
     /// The corner of the legend: the one that the lines cover least.
     pub corner: Corner2D,
@@ -65,7 +72,8 @@ impl Layout {
             });
             properties.push((format!("{ALL_VIEWS}/TimeAxis").into(), Box::new(whole)));
         }
-        Self { properties, ranges, rows: 3, span: None, latest: None, legend, corner }
+        let (span, latest, timed) = (None, None, false);
+        Self { properties, ranges, timed, rows: 3, columns: 4, span, latest, legend, corner }
     }
 
     /// The messages of the layout with that container around all views.
@@ -104,6 +112,28 @@ impl Layout {
         Ok(messages)
     }
 
+    /// Gives the next plot a legend where that covers no data, and the `first` plot of a tab in any case:
+    /// returns the range with room for it.
+    pub(crate) fn legend_at(&mut self, place: &Place, first: bool, range: [f64; 2]) -> [f64; 2] {
+        (self.legend, self.corner) = (first || place.free, place.corner);
+        if first { place.room(range) } else { range }
+    }
+
+    /// The name of a plot with its time: the viewer's axis has few labels, in minutes.
+    fn timed(&self, name: &str, start: Option<i64>) -> String {
+        let seconds = |nanos: i64| format!("{:.0}", nanos as f64 * 1e-9);
+        let timed = match (self.latest, self.span.filter(|_| self.timed)) {
+            (Some(latest), _) => format!("{name}, last {} s", seconds(latest)),
+            (_, Some((first, last))) => {
+                format!("{name}, {}–{} s", seconds(start.unwrap_or(first)), seconds(last))
+            }
+            _ => name.to_owned(),
+        };
+        let [window, letter, icons] = TITLES;
+        let needed = letter * timed.chars().count() as f64 + icons;
+        if needed <= window / self.columns as f64 { timed } else { name.to_owned() }
+    }
+
     /// A plot of those entities over the whole run. Its vertical axis has at least the range, and
     /// three ticks with numbers.
     pub fn plot(
@@ -125,8 +155,8 @@ impl Layout {
         start: Option<i64>,
         pixels: f64,
     ) -> ContainerLike {
-        let view =
-            ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
+        let view = TimeSeriesView::new(self.timed(name, start)).with_origin("/");
+        let view = ContainerLike::from(view.with_contents(contents));
         let range_of_time = self.range_of_time(start);
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(range_of_time));
         let corner = PlotLegend::new().with_corner(self.corner);

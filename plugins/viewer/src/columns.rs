@@ -1,17 +1,22 @@
 //! Buffers of dense series, sent in blocks of columns: 40 ns a value, where row by row takes 5 us.
 
+use crate::guides::Guides;
 use crate::history::Gaps;
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour};
+use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::thin::{Merge, Thin};
 use navfuse_core::units::time::Time;
 use re_sdk::{AsComponents, EntityPath};
 use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
-use re_sdk_types::components::MarkerShape;
+use re_sdk_types::components::{Color, MarkerShape};
 
 /// Number of rows of one block: the size to which the viewer compacts its own blocks.
 pub const ROWS: usize = 4096;
+
+/// The name of bounds of 3 sigma.
+pub const BOUNDS: &str = "±3σ";
 
 /// The scalars of one entity over time, one column per instance.
 pub struct Series {
@@ -26,6 +31,8 @@ pub struct Series {
     for_viewers: bool,
     /// Finds outages, in which the lines break.
     gaps: Option<Gaps>,
+    /// The lines that give the vertical axis its range while the run goes on.
+    guides: Option<Guides>,
 }
 
 impl Series {
@@ -33,7 +40,8 @@ impl Series {
         let style: Box<dyn AsComponents + Send> = Box::new(style);
         let (times, values) = (Vec::new(), Vec::new());
         let (style, jump, last) = (Some(style), f64::INFINITY, f64::NAN);
-        Self { path, width, times, values, style, jump, last, for_viewers: false, gaps: None }
+        let (for_viewers, gaps, guides) = (false, None, None);
+        Self { path, width, times, values, style, jump, last, for_viewers, gaps, guides }
     }
 
     /// A series of lines, each with a name, a colour and a stroke width.
@@ -47,10 +55,17 @@ impl Series {
 
     /// A series of a line and its bounds of 3 sigma.
     pub fn bounded(path: EntityPath, name: String, colour: Colour, width: f32) -> Self {
-        Self::lines(
-            path,
-            &[(name, colour, width), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)],
-        )
+        Self::between(path, (name, colour, width), (BOUNDS, BOUND))
+    }
+
+    /// A series of a line and its two bounds, which share a name and with it a line of the legend.
+    pub fn between(
+        path: EntityPath,
+        line: (String, Colour, f32),
+        (bounds, colour): (&str, Colour),
+    ) -> Self {
+        let bound = || (bounds.to_owned(), colour, 1.2);
+        Self::lines(path, &[line, bound(), bound()])
     }
 
     /// A series of points.
@@ -74,22 +89,35 @@ impl Series {
         Self::new(path, 1, style)
     }
 
-    /// Sends the rows to the viewers that watch the run, and not to the file.
-    pub fn for_viewers(mut self) -> Self {
-        self.for_viewers = true;
-        self
+    /// A series of a line and its bounds of 3 sigma for the viewers that watch the run, and not for the
+    /// file. The lines break where rows are missing for longer than usual.
+    pub fn live(path: EntityPath, name: &str, [r, g, b]: Colour, width: f32) -> Self {
+        // lines without a width, which share the line of the bounds in the legend, give the axis its range
+        let names = [name, BOUNDS, BOUNDS, BOUNDS, BOUNDS];
+        let [own, of_bound] = [[r, g, b], BOUND].map(|[r, g, b]| Color::from_rgb(r, g, b));
+        let style = SeriesLines::new()
+            .with_names(names)
+            .with_colors([own, of_bound, of_bound, of_bound, of_bound])
+            .with_widths([width, 1.2, 1.2, 0.0, 0.0]);
+        let series = Self::new(path, names.len(), style);
+        let (gaps, guides) = (Some(Gaps::default()), Some(Guides::default()));
+        Self { for_viewers: true, gaps, guides, ..series }
+    }
+
+    /// A thick line at zero while a sensor is silent, for the viewers that watch the run.
+    pub fn silence(path: EntityPath) -> Self {
+        let [r, g, b] = Health::Silent.colour();
+        let style = SeriesLines::new()
+            .with_names(["silent: no samples"])
+            .with_colors([Color::from_rgb(r, g, b)])
+            .with_widths([5.0]);
+        Self { for_viewers: true, ..Self::new(path, 1, style) }
     }
 
     /// Breaks the lines where the first value jumps by more than `jump`, so that an angle that
     /// wraps draws no line across the plot.
     pub fn broken_at(mut self, jump: f64) -> Self {
         self.jump = jump;
-        self
-    }
-
-    /// Breaks the lines where rows are missing for longer than usual.
-    pub fn broken_in_outages(mut self) -> Self {
-        self.gaps = Some(Gaps::default());
         self
     }
 
@@ -103,7 +131,8 @@ impl Series {
         time: Time,
         values: &[f64],
     ) -> Result<(), StreamError> {
-        debug_assert_eq!(values.len(), self.width);
+        let guides = self.guides.as_mut().map(|guides| guides.take(time, values));
+        debug_assert_eq!(values.len() + guides.map_or(0, |guides| guides.len()), self.width);
         let jump = ((values[0] - self.last).abs() > self.jump).then(|| time.nanos() - 1);
         let outage = self.gaps.as_mut().and_then(|gaps| gaps.after(time));
         if let Some(at) = outage.or(jump) {
@@ -113,6 +142,7 @@ impl Series {
         self.last = values[0];
         self.times.push(time.nanos());
         self.values.extend_from_slice(values);
+        self.values.extend(guides.into_iter().flatten());
         if self.times.len() >= ROWS { self.flush(recording) } else { Ok(()) }
     }
 

@@ -1,12 +1,18 @@
-//! The corner of a plot for its legend: the one that the lines cover least.
+//! The place of the legend in a plot: the corner that the lines cover least, or room above them.
 
+use crate::blueprint::height;
 use crate::history::Row;
 use re_sdk::blueprint::components::Corner2D;
 
-/// Size of a legend as a share of the width and of the height of a plot.
-const LEGEND: [f64; 2] = [0.33, 0.4];
-/// Number of rows that are looked at, about.
-const LOOKED_AT: usize = 256;
+/// Width of a window, and what of a plot's width the names of its vertical axis take, pixels.
+const WINDOW: f64 = 1600.0;
+const NAMES: f64 = 40.0;
+/// Width of a letter of a legend, and what is beside the letters; height of a line, and what is around
+/// the lines, pixels.
+const LETTER: [f64; 2] = [7.5, 48.0];
+const LINE: [f64; 2] = [24.0, 24.0];
+/// Greatest share of the height of a plot that is kept free for its legend.
+const ROOM: f64 = 0.5;
 /// The corners, and whether each is on the right and at the top; the first of equal ones is taken.
 const CORNERS: [(Corner2D, bool, bool); 4] = [
     (Corner2D::RightTop, true, true),
@@ -15,39 +21,110 @@ const CORNERS: [(Corner2D, bool, bool); 4] = [
     (Corner2D::LeftBottom, false, false),
 ];
 
-/// The corner with the fewest values of some lines, in a plot of that range: of rows at equal distances.
+/// The size of a legend: its lines and the letters of the longest one, in a plot of which a window of
+/// 1600x1000 has that many beside and above one another.
+#[derive(Clone, Copy, Debug)]
+pub struct Legend {
+    /// Number of lines.
+    pub lines: usize,
+    /// Number of letters of the longest line.
+    pub letters: usize,
+    /// Number of plots beside one another.
+    pub columns: usize,
+    /// Number of plots above one another.
+    pub rows: usize,
+}
+
+impl Legend {
+    /// The size as shares of the width and of the height of the plot.
+    fn shares(&self) -> [f64; 2] {
+        let width = WINDOW / self.columns.max(1) as f64 - NAMES;
+        let wide = LETTER[0] * self.letters as f64 + LETTER[1];
+        let high = LINE[0] * self.lines as f64 + LINE[1];
+        [wide / width, high / height(self.rows)].map(|share| share.min(1.0))
+    }
+}
+
+/// The place of a legend.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The corner.
+    pub corner: Corner2D,
+    /// Set where it covers no data.
+    pub free: bool,
+    /// Height of the legend as a share of that of the plot.
+    height: f64,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self { corner: CORNERS[0].0, free: true, height: 0.0 }
+    }
+}
+
+impl Place {
+    /// The range of a plot with room for a legend that would cover data: above them.
+    pub fn room(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        match self.free {
+            true => [low, high],
+            false => [low, low + (high - low) / (1.0 - self.height.min(ROOM))],
+        }
+    }
+}
+
+/// The place of a legend in a plot of that span of time and range: the corner with the fewest values of
+/// some lines. The first ones, as many as `data`, are data; the others are bounds, which a legend may
+/// cover.
 pub fn quietest<const N: usize, const M: usize>(
     rows: &[Row<N>],
-    lines: impl Fn(&[f64; N]) -> [f64; M],
-    [low, high]: [f64; 2],
-) -> Corner2D {
-    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return CORNERS[0].0 };
-    let span = (last.0 - first.0).max(1) as f64;
-    let mut counts = [0_usize; CORNERS.len()];
-    for (time, row) in rows.iter().step_by(rows.len().div_ceil(LOOKED_AT)) {
-        let along = (time - first.0) as f64 / span;
-        let values = lines(row).into_iter().map(|value| (value - low) / (high - low));
-        for height in values.filter(|height| (0.0..=1.0).contains(height)) {
+    (lines, data): (impl Fn(&[f64; N]) -> [f64; M], usize),
+    ((first, last), [low, high]): ((i64, i64), [f64; 2]),
+    legend: Legend,
+) -> Place {
+    let [wide, tall] = legend.shares();
+    let span = (last - first).max(1) as f64;
+    let mut counts = [[0_usize; 2]; CORNERS.len()];
+    for (time, row) in rows {
+        let along = (time - first) as f64 / span;
+        for (k, value) in lines(row).into_iter().enumerate() {
+            let height = (value - low) / (high - low);
+            if !(0.0..=1.0).contains(&height) {
+                continue;
+            }
             for (count, (_, right, top)) in counts.iter_mut().zip(&CORNERS) {
                 let x = if *right { 1.0 - along } else { along };
                 let y = if *top { 1.0 - height } else { height };
-                *count += usize::from(x < LEGEND[0] && y < LEGEND[1]);
+                count[usize::from(k >= data)] += usize::from(x < wide && y < tall);
             }
         }
     }
     let quietest = counts.iter().zip(&CORNERS).min_by_key(|(count, _)| **count);
-    quietest.map_or(CORNERS[0].0, |(_, corner)| corner.0)
+    let place = Place { height: tall, ..Place::default() };
+    match quietest {
+        Some(([0, _], (corner, ..))) => Place { corner: *corner, ..place },
+        _ => Place { free: false, ..place },
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// A legend of a third of the width and two fifths of the height of a plot of 250 pixels.
+    const LEGEND: Legend = Legend { lines: 3, letters: 18, columns: 3, rows: 3 };
+
+    fn rows(line: fn(f64) -> f64) -> Vec<Row<1>> {
+        (0..=100).map(|k| (k, [line(k as f64 / 100.0)])).collect()
+    }
+
+    fn place(rows: &[Row<1>], data: usize) -> Place {
+        quietest(rows, (|row: &[f64; 1]| *row, data), ((0, 100), [0.0, 1.0]), LEGEND)
+    }
+
     #[test]
     fn a_legend_is_where_no_line_is() {
-        let rows = |line: fn(f64) -> f64| -> Vec<Row<1>> {
-            (0..=100).map(|k| (k, [line(k as f64 / 100.0)])).collect()
-        };
+        let [wide, tall] = LEGEND.shares();
+        assert!((0.3..0.4).contains(&wide) && (0.35..0.45).contains(&tall), "{wide} {tall}");
         for (line, corner) in [
             ((|_| 0.1) as fn(f64) -> f64, Corner2D::RightTop),
             (|x| x, Corner2D::LeftTop),
@@ -55,7 +132,24 @@ mod tests {
             (|_| 0.9, Corner2D::RightBottom),
             (|x| if x < 0.5 { 0.9 } else { 0.05 + 0.9 * x }, Corner2D::RightBottom),
         ] {
-            assert_eq!(quietest(&rows(line), |row| *row, [0.0, 1.0]), corner);
+            let place = place(&rows(line), 1);
+            assert_eq!((place.corner, place.free), (corner, true));
+            assert_eq!(place.room([0.0, 1.0]), [0.0, 1.0]);
         }
+        // a line that begins in the middle of the plot leaves its left half free
+        let late: Vec<Row<1>> = rows(|_| 0.9).into_iter().skip(50).collect();
+        assert_eq!(place(&late, 1).corner, Corner2D::LeftTop);
+    }
+
+    /// Lines in all corners leave the legend room above them; bounds there do not matter.
+    #[test]
+    fn a_legend_that_would_cover_data_has_room_above_them() {
+        let everywhere = rows(|x| (500.0 * x).sin().abs());
+        let covered = place(&everywhere, 1);
+        assert!(!covered.free && covered.corner == Corner2D::RightTop);
+        let [low, high] = covered.room([0.0, 1.0]);
+        let [_, tall] = LEGEND.shares();
+        assert!(low == 0.0 && (high * (1.0 - tall) - 1.0).abs() < 1e-9, "{high}");
+        assert!(place(&everywhere, 0).free);
     }
 }

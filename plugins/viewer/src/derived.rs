@@ -21,6 +21,7 @@ struct Row {
     name: String,
     series: Series,
     range: Range,
+    values: usize,
 }
 
 impl Row {
@@ -29,7 +30,7 @@ impl Row {
         let lines: Vec<_> = lines.map(|(k, column)| (column.clone(), axis(k), 2.0)).collect();
         let series = Series::lines(path(&["derived", &derived.name, name]), &lines);
         let (quantity, name) = (derived.name.to_string(), name.to_owned());
-        Self { quantity, name, series, range: Range::default() }
+        Self { quantity, name, series, range: Range::default(), values: 0 }
     }
 }
 
@@ -55,6 +56,7 @@ impl Tab for DerivedTab {
         for (name, values) in derived.iter() {
             let row = self.row(derived, name);
             values.iter().for_each(|value| row.range.include(*value));
+            row.values += 1;
             row.series.push(recording, derived.time, values)?;
         }
         Ok(())
@@ -69,7 +71,9 @@ impl Tab for DerivedTab {
             let title = format!("{}: {}", row.quantity, row.name);
             layout.plot(&title, &[format!("+ {}", row.series.path)], row.range.axis())
         };
-        let plots: Vec<ContainerLike> = self.rows.iter().map(&mut plot).collect();
+        // a single value is no line; the page has it
+        let rows = self.rows.iter().filter(|row| row.values > 1);
+        let plots: Vec<ContainerLike> = rows.map(&mut plot).collect();
         (!plots.is_empty()).then(|| Grid::new(plots).with_name("Derived").into())
     }
 }

@@ -2,13 +2,13 @@
 //! with its band and the gate.
 
 use crate::axis::{self, Scale, short};
-use crate::columns::Series;
-use crate::corner::quietest;
+use crate::columns::{BOUNDS, Series};
+use crate::corner::{Legend, Place, quietest};
 use crate::history::{Gaps, History, Row};
 use crate::quantity::{Here, Quantity, quantity};
 use crate::recording::Recording;
 use crate::shade::Shades;
-use crate::style::{AXES, BAND, BOUND, GATED, MARK, REJECTED, axis as colour, label, path};
+use crate::style::{AXES, BAND, BOUND, GATED, MARK, REJECTED, channel as colour, label, path};
 use navfuse_core::model::chi_square;
 use navfuse_core::model::record::health::Judgement;
 use navfuse_core::model::record::latest::{LATEST, Latest};
@@ -18,7 +18,6 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
 use re_sdk::EntityPath;
-use re_sdk::blueprint::components::Corner2D;
 use re_sdk_types::components::MarkerShape;
 use std::sync::Arc;
 
@@ -54,8 +53,8 @@ pub struct Plot {
     pub name: String,
     /// Range.
     pub range: [f64; 2],
-    /// Corner of the legend.
-    pub corner: Corner2D,
+    /// Place of the legend.
+    pub legend: Place,
 }
 
 /// The series of one measuring sensor.
@@ -80,6 +79,9 @@ pub struct SensorSeries {
     /// Expectation and variance for which the band was computed.
     band: ([f64; 2], [f64; 2]),
     gaps: Gaps,
+    /// The line of a silence in the plots of a run that goes on.
+    silence: Series,
+    silent: bool,
 }
 
 impl SensorSeries {
@@ -110,6 +112,8 @@ impl SensorSeries {
             latest: Latest::default(),
             band: ([f64::NAN; 2], [f64::NAN; 2]),
             gaps: Gaps::default(),
+            silence: Series::silence(path(&["live", "silent", &info.name])),
+            silent: false,
         })
     }
 
@@ -164,8 +168,8 @@ impl SensorSeries {
             }
             if let Some(entity) = entity {
                 let series = channel.live.get_or_insert_with(|| {
-                    let name = label(&channel.quantity.name, &channel.quantity.unit);
-                    Series::bounded(entity, name, colour(k), 1.2).for_viewers().broken_in_outages()
+                    let Quantity { name, unit, .. } = &channel.quantity;
+                    Series::live(entity, &label(name, unit), colour(name, k), 1.2)
                 });
                 series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
             }
@@ -204,6 +208,24 @@ impl SensorSeries {
         [latest.nis, low, high].map(|x| logarithm(x / latest.channels as f64))
     }
 
+    /// The entity of the line of a silence that a viewer sees during the run.
+    pub fn live_silence(&self) -> &EntityPath {
+        &self.silence.path
+    }
+
+    /// Draws that the sensor is silent now, and ends the line where it no longer is.
+    pub fn silent(
+        &mut self,
+        recording: &Recording,
+        now: Time,
+        silent: bool,
+    ) -> Result<(), StreamError> {
+        if std::mem::replace(&mut self.silent, silent) || silent {
+            self.silence.push(recording, now, &[if silent { 0.0 } else { f64::NAN }])?;
+        }
+        self.silence.flush(recording)
+    }
+
     /// Sends what viewers see during the run.
     pub fn refresh(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let live = self.channels.iter_mut().filter_map(|c| c.live.as_mut());
@@ -211,19 +233,31 @@ impl SensorSeries {
     }
 
     /// Writes the whole run, and chooses units and ranges from it.
-    pub fn write(&mut self, recording: &Recording, shades: &Shades) -> Result<(), StreamError> {
+    pub fn write(
+        &mut self,
+        recording: &Recording,
+        shades: &Shades,
+        span: (i64, i64),
+    ) -> Result<(), StreamError> {
+        let count = 1 + self.channels.iter().filter(|channel| channel.is_shown(false)).count();
+        let [columns, rows] = grid(count);
+        let size = Legend { lines: 0, letters: 0, columns, rows };
         for (k, channel) in self.channels.iter_mut().enumerate() {
-            channel.write(recording, k)?;
+            channel.write(recording, k, (span, size))?;
             if let Some(plot) = &channel.plot {
                 shades.write(recording, &channel.path, plot.range)?;
             }
         }
-        self.write_nis(recording)?;
+        self.write_nis(recording, (span, size))?;
         let plot = self.nis.as_ref();
         plot.map_or(Ok(()), |plot| shades.write(recording, &self.nis_path, plot.range))
     }
 
-    fn write_nis(&mut self, recording: &Recording) -> Result<(), StreamError> {
+    fn write_nis(
+        &mut self,
+        recording: &Recording,
+        (span, size): ((i64, i64), Legend),
+    ) -> Result<(), StreamError> {
         let rows = self.accepted.rows();
         if rows.is_empty() && self.gated.is_empty() && self.rejected.is_empty() {
             return Ok(());
@@ -259,6 +293,7 @@ impl SensorSeries {
         }
         all.push(gated);
         let names: Vec<&str> = (0..self.channels.len()).map(|k| self.channel(k)).collect();
+        let (mut lines, mut letters) = (limits.len() + usize::from(!marks.is_empty()), 14);
         for (k, (reason, history)) in self.rejected.iter().enumerate() {
             let name = format!("rejected: {}", reason.reason(&names));
             let marker = MarkerShape::Cross;
@@ -269,13 +304,27 @@ impl SensorSeries {
                 series.push(recording, Time::from_nanos(time), &[self.level])?;
             }
             include(self.level);
+            (lines, letters) = (lines + 1, letters.max(name.chars().count()));
             all.push(series);
         }
-        let corner = quietest(&rows, |row| *row, range);
+        let of = |[nis, gate, mean, low, high]: &[f64; 5]| [*nis, *mean, *gate, *low, *high];
+        let mut drawn: Vec<Row<5>> = rows.iter().map(|(time, row)| (*time, of(row))).collect();
+        let alone = |nis: f64| [nis, f64::NAN, f64::NAN, f64::NAN, f64::NAN];
+        drawn.extend(marks.iter().map(|(time, [nis])| (*time, alone(*nis))));
+        let refused = self.rejected.iter().flat_map(|(_, history)| history.rows());
+        drawn.extend(refused.map(|(time, _)| (time, alone(self.level))));
+        let size = Legend { lines, letters, ..size };
+        let legend = quietest(&drawn, (|row: &[f64; 5]| *row, 2), (span, range), size);
         let name = format!("{} NIS per channel [10^y]", self.name);
-        self.nis = Some(Plot { name, range, corner });
+        self.nis = Some(Plot { name, range, legend });
         all.iter_mut().try_for_each(|series| series.flush(recording))
     }
+}
+
+/// The columns and rows of that many plots of a sensor.
+pub fn grid(count: usize) -> [usize; 2] {
+    let columns = if count > 3 { 2 } else { 1 };
+    [columns, count.div_ceil(columns)]
 }
 
 /// The decimal logarithm of a positive number.
@@ -297,7 +346,12 @@ impl Innovations {
         if over { self.plot.is_some() } else { !self.quantity.is_accuracy() }
     }
 
-    fn write(&mut self, recording: &Recording, k: usize) -> Result<(), StreamError> {
+    fn write(
+        &mut self,
+        recording: &Recording,
+        k: usize,
+        (span, window): ((i64, i64), Legend),
+    ) -> Result<(), StreamError> {
         let (accepted, gated) = (self.accepted.rows(), self.gated.rows());
         if accepted.is_empty() && gated.is_empty() {
             return Ok(());
@@ -305,9 +359,10 @@ impl Innovations {
         let scale = self.scale(&accepted, &gated);
         let entity = |leaf: &str| self.path.join(&EntityPath::from(leaf));
         let name = label(&self.quantity.name, scale.unit);
-        let mut line = Series::lines(entity("accepted"), &[(name.clone(), colour(k), 1.0)]);
-        let bounds = [("+3σ".to_owned(), BOUND, 1.2), ("-3σ".to_owned(), BOUND, 1.2)];
-        let mut bounds = Series::lines(entity("bounds"), &bounds);
+        let own = colour(&self.quantity.name, k);
+        let mut line = Series::lines(entity("accepted"), &[(name.clone(), own, 1.0)]);
+        let bounds = || (BOUNDS.to_owned(), BOUND, 1.2);
+        let mut bounds = Series::lines(entity("bounds"), &[bounds(), bounds()]);
         let mut marks = Series::marked(entity("gated"), "gated", GATED, 4.5, MarkerShape::Diamond);
         // the priors, and the first samples after an outage, have wide bounds: one in twenty
         let bound = |sigma: &f64| 3.0 * sigma / scale.size;
@@ -348,8 +403,18 @@ impl Innovations {
             let [value, bound] = [row[0] / scale.size, bound(&row[1])];
             [value, bound, -bound]
         };
-        let corner = quietest(&accepted, lines, range);
-        self.plot = Some(Plot { name, range, corner });
+        let mut drawn: Vec<Row<3>> = accepted.iter().map(|(time, r)| (*time, lines(r))).collect();
+        let mark = |value: f64| [(value / scale.size).clamp(-size, size), f64::NAN, f64::NAN];
+        drawn.extend(gated.iter().map(|(time, [value])| (*time, mark(*value))));
+        let any = |counts: &dyn Fn(f64) -> bool| {
+            usize::from(gated.iter().any(|r| counts(r.1[0] / scale.size)))
+        };
+        let inside = any(&|value| value.abs() <= size);
+        let beyond = any(&|value| value > size) + any(&|value| value < -size);
+        let letters = if beyond > 0 { 34 } else { name.chars().count() };
+        let of = Legend { lines: 2 + inside + beyond, letters, ..window };
+        let legend = quietest(&drawn, (|row: &[f64; 3]| *row, 1), (span, range), of);
+        self.plot = Some(Plot { name, range, legend });
         [line, bounds, marks, above, below]
             .iter_mut()
             .try_for_each(|series| series.flush(recording))

@@ -3,7 +3,7 @@
 use crate::legend;
 use crate::recording::Recording;
 use crate::strip;
-use crate::style::path;
+use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Judged, Lane, Stretch};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
@@ -31,7 +31,12 @@ pub struct SensorLane {
     path: EntityPath,
     /// Number of stretches whose begin is written.
     written: usize,
+    /// Times at which the filter was found to be off after a silence of the sensor.
+    pub after_silence: Vec<Time>,
 }
+
+/// The word and the colour of the time before the filter uses a sensor's samples.
+pub const WAITING: (&str, Colour) = ("waiting", [52, 58, 68]);
 
 impl SensorLane {
     /// The lane of a sensor; `None` for a reference.
@@ -45,6 +50,7 @@ impl SensorLane {
             found: None,
             path: path(&["health", &info.name]),
             written: 0,
+            after_silence: Vec::new(),
         })
     }
 
@@ -56,6 +62,11 @@ impl SensorLane {
     /// Writes the colours of the lane.
     pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
         recording.log_static(&self.path, &legend::look())
+    }
+
+    /// Writes that the filter does not use the sensor's samples yet.
+    pub fn wait(&self, recording: &Recording, time: Time) -> Result<(), StreamError> {
+        recording.log(&self.path, time.nanos(), &StateChange::single(WAITING.0))
     }
 
     /// Notes the time, and with it a silence.
@@ -76,6 +87,10 @@ impl SensorLane {
 
     /// Takes a finding about the sensor.
     pub fn doubt(&mut self, recording: &Recording, finding: &Finding) -> Result<(), StreamError> {
+        if finding.basis == Basis::Silence {
+            self.after_silence.push(finding.time);
+            return Ok(());
+        }
         let (severity, basis) = self.found.unwrap_or((finding.severity, finding.basis));
         self.found = Some((severity.max(finding.severity), basis.max(finding.basis)));
         self.lane.doubt(finding);
@@ -131,10 +146,16 @@ impl SensorLane {
         Ok(())
     }
 
-    /// Takes the words away from stretches that are too short for them, in a run of that length, ns.
-    pub fn shorten(&self, recording: &Recording, run: i64) -> Result<(), StreamError> {
+    /// Takes the words away from stretches that are too short for them, in a run between those times, ns.
+    pub fn shorten(
+        &self,
+        recording: &Recording,
+        (first, last): (i64, i64),
+    ) -> Result<(), StreamError> {
         let stretches = self.lane.stretches.iter();
         let stretches = stretches.map(|s| (s.from.nanos(), s.to.nanos(), s.health.word()));
-        strip::shorten(recording, &self.path, stretches, run)
+        let begun = self.lane.stretches.first().map_or(last, |s| s.from.nanos());
+        let stretches = std::iter::once((first, begun, WAITING.0)).chain(stretches);
+        strip::shorten(recording, &self.path, stretches, last - first)
     }
 }

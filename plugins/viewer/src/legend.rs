@@ -1,6 +1,7 @@
 //! The words and colours of the strips of health: a strip with all of them, and one with the time in
 //! seconds. The viewer's own ruler has numbers at every tenth minute alone.
 
+use crate::lane::WAITING;
 use crate::recording::Recording;
 use crate::strip::{self, LETTER, MARGINS, has_room};
 use crate::style::{Colour, path};
@@ -30,12 +31,19 @@ fn colour_name(health: Health) -> &'static str {
 
 /// The colours in words: `green used, yellow NIS too large, ...`.
 pub fn in_words() -> String {
-    Health::ALL.map(|h| format!("{} {}", colour_name(h), h.word())).join(", ")
+    let all = Health::ALL.map(|h| format!("{} {}", colour_name(h), h.word())).join(", ");
+    format!("{all}, dark grey {}", WAITING.0)
+}
+
+/// The words of a strip of health in order, with their colours.
+fn words() -> Vec<(&'static str, Colour)> {
+    let of_health = Health::ALL.into_iter().map(|h| (h.word(), h.colour()));
+    std::iter::once(WAITING).chain(of_health).collect()
 }
 
 /// The look of a strip of health.
 pub fn look() -> StateConfiguration {
-    strip::look(Health::ALL.map(|h| (h.word(), h.colour())))
+    strip::look(words())
 }
 
 /// Writes the strip of all colours with their words, each as long as its word, and the strip of
@@ -43,12 +51,13 @@ pub fn look() -> StateConfiguration {
 pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), StreamError> {
     let entity = path(&["colour_legend"]);
     recording.log_static(&entity, &look())?;
-    let widths = Health::ALL.map(|h| LETTER * h.word().len() as f64 + 2.0 * MARGINS);
-    let whole: f64 = widths.iter().sum();
+    let width = |word: &str| LETTER * word.len() as f64 + 2.0 * MARGINS;
+    let widths: Vec<_> = words().into_iter().map(|(word, _)| (word, width(word))).collect();
+    let whole: f64 = widths.iter().map(|(_, width)| width).sum();
     let mut before = 0.0;
-    for (health, width) in Health::ALL.iter().zip(widths) {
+    for (word, width) in widths {
         let at = first + (before / whole * (last - first) as f64) as i64;
-        recording.log(&entity, at, &StateChange::single(health.word()))?;
+        recording.log(&entity, at, &StateChange::single(word))?;
         before += width;
     }
     let marks = marks(first, last);

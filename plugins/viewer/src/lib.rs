@@ -23,7 +23,7 @@
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
-//! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithm of the error's magnitude and of sigma |
+//! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithms of the size of the error and of sigma |
 //! | `/innovation/SENSOR/CHANNEL/accepted` | innovation; beside it `bounds` of 3 sigma and `gated` |
 //! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS per channel; beside it `limits` with the mean, `gated`, `rejected` |
 //! | `/innovation/SENSOR/CHANNEL/abandoned`, `/innovation/SENSOR/nis/abandoned` | shades of the time in which samples were refused |
@@ -49,6 +49,7 @@ mod corner;
 mod derived;
 mod ellipses;
 mod file;
+mod guides;
 mod history;
 mod innovation;
 mod lane;
@@ -58,6 +59,7 @@ mod map;
 pub mod overlay;
 mod overview;
 mod plan;
+mod plots;
 mod polar;
 mod quantity;
 mod recording;

@@ -12,7 +12,7 @@ use re_sdk_types::components::Radius;
 
 /// Height and width of the graticule on the map, pixels: it fits into the map of a small window
 /// (1280x720).
-const MAP_PIXELS: [f64; 2] = [290.0, 500.0];
+const MAP_PIXELS: [f64; 2] = [262.0, 500.0];
 /// Height and width of the map of a usual window (1600x1000), pixels: what is within view.
 const VIEW: [f64; 2] = [450.0, 700.0];
 /// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
@@ -145,7 +145,7 @@ impl Graticule {
     }
 
     /// The names of the lines and a scale as strokes, deg: parallels have their names at the west edge,
-    /// meridians at the north edge, and the scale is in the south-east.
+    /// meridians in the middle above their north end, and the scale is in the south-east.
     fn labels(&self) -> Vec<Vec<[f64; 2]>> {
         let [[south, north], [west, east]] =
             self.lines.map(|lines| lines.map(|line| line * self.spacing));
@@ -174,12 +174,9 @@ impl Graticule {
         // names that need more than a mesh leave out every second one, and so on
         let wide = width("00°00.0'W", LETTER) + 2.0 * APART;
         let every = (wide * pixels[1] / self.spacing).ceil().max(1.0) as usize;
-        let room =
-            |line: f64, name: &str| line + (2.0 * APART + width(name, LETTER)) * pixels[1] <= east;
-        let meridians = names(1).step_by(every).filter(|(line, name)| room(*line, name));
-        for (line, name) in meridians {
-            let below = north - (APART + LETTER) * pixels[0];
-            labels.extend(write(&name, below, line + APART * pixels[1]));
+        for (line, name) in names(1).step_by(every) {
+            let middle = line - 0.5 * width(&name, LETTER) * pixels[1];
+            labels.extend(write(&name, north + APART * pixels[0], middle));
         }
         // half of the next round length fits into half of the width
         let metres = MINUTE * cosine * (east - west);
@@ -264,17 +261,24 @@ mod tests {
         assert!(far.0 == 0 && !far.1.contains("coast"), "{far:?}");
     }
 
-    /// Between 43 deg 6' and 7.5' N are three lines with names, and a scale.
+    /// Between 43 deg 6' and 7.5' N are three lines with names, and a scale. The names of the meridians
+    /// are above the graticule, each in the middle of its line.
     #[test]
-    fn names_and_scale_are_inside_the_graticule() {
+    fn names_and_scale_are_inside_the_graticule_or_above_their_line() {
         let graticule = Graticule::new(&extent([[43.104, -5.3733], [43.121, -5.3563]]));
         let labels = graticule.map(|g| g.labels()).unwrap_or_default();
         let points = || labels.iter().flatten();
-        let inside = |[lat, lon]: &[f64; 2]| {
+        let inside = |[lat, lon]: &&[f64; 2]| {
             (43.1 - 1e-9..=43.125 + 1e-9).contains(lat)
                 && (-5.375 - 1e-9..=-5.35 + 1e-9).contains(lon)
         };
-        assert!(points().all(inside), "{labels:?}");
+        let (inside, above): (Vec<_>, Vec<_>) = points().partition(inside);
+        assert!(inside.len() > above.len() / 2 && !above.is_empty(), "{labels:?}");
+        // half a mesh, 0.25', beside the first or the last line, and a letter above
+        let near = |[lat, lon]: &[f64; 2]| {
+            (43.125..43.128).contains(lat) && (-5.375 - 0.0042..-5.35 + 0.0042).contains(lon)
+        };
+        assert!(above.into_iter().all(near), "{labels:?}");
         // 9 letters with a stroke at least, three times, and the scale
         assert!(labels.len() > 28, "{}", labels.len());
     }

@@ -192,7 +192,12 @@ impl Layout {
     pub fn overlay(&mut self, tracks: &[Overlaid]) -> Option<ContainerLike> {
         let extent = extent(tracks);
         extent.middle()?;
-        let views = self.overviews(&extent);
+        let depth = if self.ranges { extent.exaggeration() } else { 1.0 };
+        let name = match depth > 1.0 {
+            true => format!("3-D track, depth x {depth}"),
+            false => "3-D track".to_owned(),
+        };
+        let views = self.overviews(&name, &extent);
         let views = Horizontal::new(views).with_column_shares(vec![1.3, 1.0]);
         Some(views.with_name("Track").into())
     }

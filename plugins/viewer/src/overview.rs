@@ -1,6 +1,7 @@
 //! The overview: whether the run may be used, what converged, which sensor was bad and when.
 
 mod bad;
+mod determined;
 mod errors;
 mod live;
 
@@ -16,12 +17,6 @@ use std::fmt::Write;
 
 /// Greatest number of sensors whose table has room on the page; that of more stands under the states.
 pub const MANY: usize = 7;
-/// Sigma at the end relative to the prior, above which a state has not converged.
-const CONVERGED: f64 = 0.5;
-/// Sigma at the end relative to the prior, above which it has grown.
-const GREW: f64 = 1.1;
-/// Greatest number of blocks that are named as not converged.
-const BLOCKS: usize = 12;
 
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
@@ -42,8 +37,28 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
     error.or_else(sigma).map(|(b, k, _)| (b, k))
 }
 
-/// The page of the overview at a time.
-pub fn page(run: &Run, verdict: Option<&Verdict>, now: Time) -> String {
+/// The words for a verdict in the title.
+pub fn level(run: &Run, verdict: &Verdict) -> &'static str {
+    words_of(verdict, &Errors::of(&run.blocks, run.simulated, run.reference))
+}
+
+fn words_of(verdict: &Verdict, errors: &Errors) -> &'static str {
+    let contained = verdict.reasons.iter().all(|r| r.severity <= Severity::Contained);
+    // the truth of a simulation may contradict what the innovations do not
+    let care = errors.contradict() && verdict.answers().usable == Usable::Yes;
+    match verdict.level {
+        _ if care => VerdictLevel::Doubtful.words(),
+        VerdictLevel::Doubtful if contained => live::CONTAINED,
+        level => level.words(),
+    }
+}
+
+/// The page of the overview at a time; `left` is the weight that the prior of a component still has.
+pub fn page(
+    run: &Run,
+    (verdict, now): (Option<&Verdict>, Time),
+    left: &dyn Fn(&str, &str) -> Option<f64>,
+) -> String {
     let mut page = String::new();
     let name = if run.smoothed { format!("{}, smoothed", run.name) } else { run.name.clone() };
     let errors = Errors::of(&run.blocks, run.simulated, run.reference);
@@ -53,7 +68,7 @@ pub fn page(run: &Run, verdict: Option<&Verdict>, now: Time) -> String {
     }
     // the answers before the table: a small window shows them without scrolling
     bad::write(&mut page, &run.lanes, &run.sensors, verdict, now);
-    write_convergence(&mut page, &run.blocks);
+    determined::write(&mut page, &run.blocks, left);
     errors.answer(&mut page, verdict, &run.blocks);
     if run.lanes.len() <= MANY {
         write_sensors(&mut page, &run.lanes, verdict);
@@ -72,15 +87,8 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
 
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let Answers { usable, because, sigma, sigma_because, change } = verdict.answers();
-    let contained = verdict.reasons.iter().all(|r| r.severity <= Severity::Contained);
-    // the truth of a simulation may contradict what the innovations do not
     let care = errors.contradict() && usable == Usable::Yes;
-    let level = match verdict.level {
-        _ if care => VerdictLevel::Doubtful.words(),
-        VerdictLevel::Doubtful if contained => live::CONTAINED,
-        level => level.words(),
-    };
-    let _ = writeln!(page, "# {name}: {level}\n");
+    let _ = writeln!(page, "# {name}: {}\n", words_of(verdict, errors));
     let more = |text: &str| if text.is_empty() { String::new() } else { format!(", {text}") };
     let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
@@ -92,9 +100,7 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
         sigma => format!("**{}**{}", sigma.words(), more(&sigma_because)),
     };
     let (usable, because) = match care {
-        true => {
-            (Usable::WithCare.words(), ", errors are larger than their sigma at times".to_owned())
-        }
+        true => (Usable::WithCare.words(), errors.beyond()),
         false => (usable.words(), more(&because)),
     };
     let _ =
@@ -140,57 +146,6 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
 /// A span of time in words.
 pub fn span(from: Time, to: Time) -> String {
     format!("{:.0}–{:.0}", from.seconds(), to.seconds())
-}
-
-fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
-    let shares = |block: &BlockSeries| -> Vec<(usize, f64)> {
-        let share = |k: usize| Some((k, block.components[k].tally.converged()?));
-        (0..block.components.len()).filter_map(share).collect()
-    };
-    let total: usize = blocks.iter().map(|block| shares(block).len()).sum();
-    let mut open = 0;
-    let mut named = Vec::new();
-    for block in blocks {
-        let mut wide = shares(block);
-        wide.retain(|(_, share)| *share > CONVERGED);
-        open += wide.len();
-        let Some(largest) = wide.iter().map(|w| w.1).reduce(f64::max) else { continue };
-        let parts: Vec<usize> = wide.iter().map(|w| w.0).collect();
-        named.push((block.names(&parts), largest));
-    }
-    named.sort_by(|a, b| b.1.total_cmp(&a.1));
-    page.push_str("\n**Did it converge?** ");
-    let answer = match open {
-        0 => "Yes",
-        n if n < total => "In part",
-        _ => "No",
-    };
-    let _ = write!(
-        page,
-        "{answer}: {} of {total} states ended with at most half of their prior sigma.",
-        total - open
-    );
-    let (grown, others): (Vec<_>, Vec<_>) = named.into_iter().partition(|(_, share)| *share > GREW);
-    if !others.is_empty() {
-        page.push_str(" The others, with the largest last sigma over the prior: ");
-        write_shares(page, &others);
-    }
-    if !grown.is_empty() {
-        page.push_str(" The sigma has grown, since nothing determines them: ");
-        write_shares(page, &grown);
-    }
-    page.push('\n');
-}
-
-/// Writes blocks, each with its largest last sigma over the prior.
-fn write_shares(page: &mut String, named: &[(String, f64)]) {
-    let words: Vec<String> =
-        named.iter().take(BLOCKS).map(|(name, share)| format!("{name} ({share:.2})")).collect();
-    page.push_str(&words.join(", "));
-    match named.len().saturating_sub(BLOCKS) {
-        0 => page.push('.'),
-        more => page.push_str(&format!(", and those of {more} more blocks.")),
-    }
 }
 
 #[cfg(test)]

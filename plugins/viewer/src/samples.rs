@@ -1,12 +1,12 @@
 //! The samples of the sensors over time, in the units of a navigator.
 
 use crate::columns::Series;
-use crate::corner::quietest;
-use crate::history::{Gaps, History};
+use crate::corner::{Legend, Place, quietest};
+use crate::history::{Gaps, History, Row};
 use crate::innovation::Plot;
 use crate::quantity::{Here, Quantity, quantity};
 use crate::recording::Recording;
-use crate::style::{axis as colour, label, path};
+use crate::style::{channel as colour, label, path};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::sample::Sample;
@@ -56,7 +56,9 @@ impl SampleSeries {
     }
 
     /// Writes the whole run.
-    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+    pub fn write(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
+        // the values of each plot, and the letters of its longest name
+        let mut drawn: Vec<(Vec<Row<1>>, usize)> = Vec::new();
         for (k, (quantity, entity, history)) in self.channels.iter().enumerate() {
             let rows = history.rows();
             if rows.is_empty() {
@@ -64,29 +66,39 @@ impl SampleSeries {
             }
             let unit = &*quantity.unit;
             let name = label(&quantity.name, unit);
-            let mut series = Series::lines(entity.clone(), &[(name, colour(k), 1.2)]);
+            let letters = name.chars().count();
+            let own = colour(&quantity.name, k);
+            let mut series = Series::lines(entity.clone(), &[(name, own, 1.2)]);
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for (time, [value]) in &rows {
                 series.push(recording, Time::from_nanos(*time), &[*value])?;
                 range = [range[0].min(*value), range[1].max(*value)];
             }
             series.flush(recording)?;
-            let corner = quietest(&rows, |row| *row, range);
             let name = label(&format!("{} samples", self.name), unit);
-            let group = self.plots.iter_mut().find(|p| p.1.name == name);
+            let group = self.plots.iter_mut().zip(&mut drawn).find(|(p, _)| p.1.name == name);
             match group.filter(|_| !quantity.is_place()) {
-                Some((entities, plot)) => {
+                Some(((entities, plot), (values, longest))) => {
                     entities.push(entity.clone());
                     plot.range = [plot.range[0].min(range[0]), plot.range[1].max(range[1])];
+                    values.extend(rows);
+                    *longest = letters.max(*longest);
                 }
                 None => {
                     let name = match quantity.is_place() {
                         true => label(&format!("{} {} from start", self.name, quantity.name), unit),
                         false => name,
                     };
-                    self.plots.push((vec![entity.clone()], Plot { name, range, corner }));
+                    let plot = Plot { name, range, legend: Place::default() };
+                    self.plots.push((vec![entity.clone()], plot));
+                    drawn.push((rows, letters));
                 }
             }
+        }
+        for ((entities, plot), (rows, letters)) in self.plots.iter_mut().zip(drawn) {
+            // up to four plots are above one another, in up to three columns
+            let size = Legend { lines: entities.len(), letters, columns: 3, rows: 4 };
+            plot.legend = quietest(&rows, (|row: &[f64; 1]| *row, 1), (span, plot.range), size);
         }
         Ok(())
     }

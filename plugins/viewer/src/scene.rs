@@ -52,7 +52,7 @@ pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), Str
     let estimate: Vec<Place> = track.estimate.iter().collect();
     let truth: Vec<Place> = track.truth.iter().collect();
     draw_line(recording, "truth", &truth, TRUTH)?;
-    draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED)?;
+    draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED[0])?;
     draw_estimate(recording, &estimate, track.extent.level(), over)?;
     if let Some(plan) = Plan::new(&track.extent) {
         plan.draw(recording, &estimate, (&truth, track.compared), over)?;

@@ -1,30 +1,19 @@
 //! The sink.
 
 use crate::arrangement::{self, Stage};
-use crate::bodies::Body;
 use crate::columns::ROWS;
-use crate::innovation::SensorSeries;
-use crate::lane::SensorLane;
-use crate::legend;
 use crate::overview;
-use crate::quantity::Here;
 use crate::recording::Recording;
-use crate::rig::Mount;
-use crate::run::{Places, Run};
-use crate::samples::SampleSeries;
+use crate::run::Run;
 use crate::scene;
-use crate::shade::Shades;
-use crate::state;
 use crate::style::path;
 use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
-use crate::track::Motion;
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{
-    Epoch, Event, InputRejection, Level, Record, UpdateRecord, Wants,
+    Corrected, Epoch, Event, InputRejection, Level, Record, UpdateRecord, Wants,
 };
-use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -91,12 +80,15 @@ impl RerunSink {
         if self.recording.is_live() {
             run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
             run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
+            if let Some(now) = self.last {
+                run.show_silences(&self.recording, now)?;
+            }
             if let Some(track) = &run.track {
                 scene::draw(&self.recording, track, false)?;
                 scene::follow(&self.recording, track)?;
             }
-            let now = self.last.unwrap_or_default();
-            run.write_overview(&self.recording, self.verdict.as_ref(), now)?;
+            let at = (self.verdict.as_ref(), self.last.unwrap_or_default());
+            run.write_overview(&self.recording, at, &left(&self.tabs))?;
         }
         self.refreshed = Instant::now();
         self.recording.flush()
@@ -160,7 +152,8 @@ impl RerunSink {
         self.refresh()?;
         if let Some(run) = &mut self.run {
             run.write(&self.recording)?;
-            run.write_overview(&self.recording, self.verdict.as_ref(), end)?;
+            let at = (self.verdict.as_ref(), end);
+            run.write_overview(&self.recording, at, &left(&self.tabs))?;
             let layout = arrangement::messages(run, &self.tabs, Stage::Ended)
                 .map_err(|e| self.recording.error(e))?;
             self.recording.last_layout(&layout);
@@ -171,58 +164,6 @@ impl RerunSink {
 }
 
 impl Run {
-    fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
-        let mut run = Self {
-            name: info.name.clone(),
-            blocks: state::blocks(info, full),
-            sensors: Vec::new(),
-            samples: Vec::new(),
-            lanes: Vec::new(),
-            track: Motion::new(&info.layout, full),
-            simulated: info.simulated,
-            smoothed: info.smoothed,
-            reference: info.reference.filter(|_| !info.simulated),
-            findings: Vec::new(),
-            worst: None,
-            span: None,
-            places: Vec::new(),
-        };
-        if let Some(track) = run.track.as_mut().filter(|_| !info.simulated) {
-            track.compared = "reference";
-        }
-        for sensor in &info.sensors {
-            let mut places = Places::default();
-            if let Some(series) = SensorSeries::new(sensor, full) {
-                places.series = Some(run.sensors.len());
-                run.sensors.push(series);
-            }
-            if all_samples || sensor.purpose == Purpose::Measurement {
-                places.samples = Some(run.samples.len());
-                run.samples.push(SampleSeries::new(sensor, full));
-            }
-            if let Some(lane) = SensorLane::new(sensor) {
-                places.lane = Some(run.lanes.len());
-                run.lanes.push(lane);
-            }
-            let mount = Mount::new(sensor, full).filter(|_| sensor.purpose != Purpose::Reference);
-            if let (Some(track), Some(mount)) = (&mut run.track, mount) {
-                places.mount = Some(track.mounts.len());
-                track.mounts.push(mount);
-            }
-            let body = info.layout.bodies.iter().find(|body| body.sensor == sensor.name);
-            if let (Some(track), Some(body)) = (&mut run.track, body) {
-                places.body = Some(track.bodies.len());
-                track.bodies.push(Body::new(&body.name, full));
-            }
-            run.places.push(places);
-        }
-        run
-    }
-
-    fn here(&self) -> Here {
-        self.track.as_ref().map_or_else(Here::default, Motion::here)
-    }
-
     /// Ends stretches and excursions.
     fn finish(&mut self, end: Time, left: &mut Vec<(String, Excursion)>) {
         self.lanes.iter_mut().for_each(|lane| lane.finish(end));
@@ -236,43 +177,14 @@ impl Run {
         self.worst = overview::worst(&self.blocks);
     }
 
-    /// Writes the whole run.
-    fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        self.blocks.iter_mut().try_for_each(|block| block.write(recording))?;
-        if let Some((block, component)) = self.worst {
-            self.blocks[block].write_normalised(recording, component)?;
-        }
-        let lanes = &self.lanes;
-        let run = self.span.map_or(0, |(first, last)| last - first);
-        for sensor in &mut self.sensors {
-            let lane = lanes.iter().find(|lane| lane.name == sensor.name);
-            let shades = lane.map(|lane| Shades::new(&lane.lane.stretches, run));
-            sensor.write(recording, &shades.unwrap_or_default())?;
-        }
-        let begins =
-            lanes.iter().filter_map(|lane| Some(lane.lane.stretches.first()?.from.nanos()));
-        let span = self.span.map(|(first, last)| (begins.fold(first, i64::min), last));
-        if let Some((first, last)) = span.filter(|(first, last)| first < last) {
-            legend::write(recording, (first, last))?;
-            lanes.iter().try_for_each(|lane| lane.shorten(recording, last - first))?;
-        }
-        self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
-        match &self.track {
-            Some(track) => {
-                scene::draw(recording, track, true)?;
-                scene::finish(recording, track)
-            }
-            None => Ok(()),
-        }
-    }
-
+    /// Writes the page of the overview; `left` is the weight that the prior of a component still has.
     fn write_overview(
         &self,
         recording: &Recording,
-        verdict: Option<&Verdict>,
-        now: Time,
+        (verdict, now): (Option<&Verdict>, Time),
+        left: &dyn Fn(&str, &str) -> Option<f64>,
     ) -> Result<(), StreamError> {
-        let page = overview::page(self, verdict, now);
+        let page = overview::page(self, (verdict, now), left);
         recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))?;
         let states = TextDocument::from_markdown(overview::states(self, verdict));
         recording.log_static(&path(&["states"]), &states)
@@ -316,6 +228,11 @@ impl Sink for RerunSink {
             Record::Event(event) => self.event(event),
             Record::Finding(finding) => self.finding(finding),
             Record::Verdict(verdict) => self.verdict(verdict),
+            Record::Derived(derived) => {
+                let run = self.run.as_mut().zip(Corrected::read(derived));
+                run.into_iter().for_each(|(run, corrected)| run.corrected.push(corrected));
+                Ok(())
+            }
             _ => Ok(()),
         }
     }
@@ -331,7 +248,10 @@ impl RerunSink {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         let Some(run) = &mut self.run else { return Ok(()) };
         let here = run.here();
-        let Some(places) = run.places.get(sample.sensor.0) else { return Ok(()) };
+        let Some(&places) = run.places.get(sample.sensor.0) else { return Ok(()) };
+        if places.lane.is_some() {
+            run.begin(&self.recording, sample.time)?;
+        }
         if let Some(samples) = places.samples {
             run.samples[samples].sample(sample, here);
         }
@@ -437,10 +357,19 @@ impl RerunSink {
             VerdictLevel::Doubtful => Level::Warning,
             VerdictLevel::DoNotUse => Level::Error,
         };
-        let (about, text) = ("verdict".to_owned(), verdict.to_string());
+        // the words of the overview
+        let words = self.run.as_ref().map(|run| overview::level(run, verdict));
+        let reasons = verdict.text.strip_prefix(verdict.level.words()).unwrap_or_default();
+        let text = words.map_or_else(|| verdict.to_string(), |words| format!("{words}{reasons}"));
+        let about = "verdict".to_owned();
         self.verdict = Some(verdict.clone());
         self.write(&Event { time, level, about, text }, time)
     }
+}
+
+/// The weight that the prior of a component of a block still has, by the tab that follows it.
+fn left(tabs: &[Box<dyn Tab>]) -> impl Fn(&str, &str) -> Option<f64> + '_ {
+    |block, component| tabs.iter().find_map(|tab| tab.left(block, component))
 }
 
 impl Drop for RerunSink {

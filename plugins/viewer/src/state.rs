@@ -1,9 +1,10 @@
 //! The blocks of the state over time: estimate, truth, error and bounds of each component.
 
-use crate::axis::{self, Scale};
-use crate::columns::Series;
-use crate::corner::quietest;
+use crate::axis::{Scale, short};
+use crate::columns::{BOUNDS, Series};
+use crate::corner::Legend;
 use crate::history::{History, Row};
+use crate::plots::Plots;
 use crate::recording::Recording;
 use crate::style::{BOUND, FILTERED, MAGNITUDE, TRUTH, axis as colour, label, path};
 use crate::tally::{Excursion, Tally};
@@ -12,18 +13,12 @@ use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::state::Block;
 use navfuse_core::state::manifold::{MAX_TANGENT, Manifold, Position, Reading};
 use navfuse_core::units::time::Time;
-use re_sdk::blueprint::components::Corner2D;
 use std::any::TypeId;
 
-/// Share of the run at its end that has plots of its own.
-const END: f64 = 0.25;
-/// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
-/// the rest of the plot.
-const BEGIN: f64 = 0.1;
-/// Size of an error before that, in errors and bounds after it, up to which it counts for a range.
-const EARLY: f64 = 2.0;
-/// Least range of the plot of a sigma, in powers of ten.
-const DECADES: f64 = 1.0;
+/// The name of the bounds of the estimate beside those of estimate and reference.
+const OF_ESTIMATE: &str = "±3σ of estimate";
+/// Time for which the size of an error is drawn without a new truth, ns.
+const HELD: i64 = 10_000_000_000;
 
 /// One component of a block.
 pub struct Component {
@@ -41,34 +36,6 @@ pub struct Component {
     filtered: History<2>,
     /// What a viewer sees during the run: error or estimate, and bounds.
     live: Option<Series>,
-}
-
-/// The plots of a component.
-pub struct Plots {
-    /// The unit of the estimate.
-    pub value: Scale<'static>,
-    /// The unit of error and sigma.
-    pub error: Scale<'static>,
-    /// Range of estimate and truth, over the run and at its end.
-    pub values: [[f64; 2]; 2],
-    /// Range of the error and its bounds, over the run and at its end; `None` without a truth.
-    pub errors: Option<[[f64; 2]; 2]>,
-    /// Range of the decimal logarithm of sigma and error.
-    pub logarithms: [f64; 2],
-    /// The corners of the legends.
-    pub corners: Corners,
-}
-
-/// The corners of the legends of a component.
-pub struct Corners {
-    /// In the plot of the estimate.
-    pub value: Corner2D,
-    /// In the plot of the error.
-    pub error: Corner2D,
-    /// In the plot of sigma.
-    pub sigma: Corner2D,
-    /// In the plot of the error in sigma.
-    pub normalised: Corner2D,
 }
 
 /// The series of one block that has an uncertainty.
@@ -93,6 +60,8 @@ pub struct BlockSeries {
     pub is_position: bool,
     /// 1-sigma of a recorded reference in the unit of the block; zero for a truth.
     own: f64,
+    /// Set where there is a truth or a reference.
+    compares: bool,
 }
 
 /// The blocks of a run, without the fixed ones: those neither change nor have an uncertainty.
@@ -115,6 +84,7 @@ pub fn blocks(run: &RunInfo, full: bool) -> Vec<BlockSeries> {
             _ => 0.0,
         };
         series.own = own / block.spec.display.scale;
+        series.compares |= own > 0.0;
         series.components.iter_mut().for_each(|c| c.tally.reference = series.own);
         series
     };
@@ -150,6 +120,7 @@ impl BlockSeries {
             origin: None,
             is_position: false,
             own: 0.0,
+            compares: simulated,
         }
     }
 
@@ -164,7 +135,8 @@ impl BlockSeries {
         format!("{block} {}", names.join(", "))
     }
 
-    fn block_name(&self) -> String {
+    /// The full name of the block: `ins.attitude`.
+    pub fn block_name(&self) -> String {
         match self.owner.as_str() {
             "" => self.name.clone(),
             owner => format!("{owner}.{}", self.name),
@@ -255,10 +227,11 @@ impl BlockSeries {
                 let entity = self.live_entity(k);
                 let c = &mut self.components[k];
                 let series = c.live.get_or_insert_with(|| {
-                    let name = if known { format!("{} error", c.name) } else { c.name.clone() };
-                    Series::bounded(entity, label(&name, c.unit), colour(k), 2.4)
-                        .for_viewers()
-                        .broken_in_outages()
+                    let name = match known {
+                        true => format!("{} {}", c.name, self.compared),
+                        false => c.name.clone(),
+                    };
+                    Series::live(entity, &label(&name, c.unit), colour(k), 2.4)
                 });
                 let middle = if known { [e, bound, -bound] } else { [x, x + bound, x - bound] };
                 series.push(recording, time, &middle)?;
@@ -277,8 +250,9 @@ impl BlockSeries {
     /// the same units, except those that a unit larger than the block's own would make small.
     pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let rows: Vec<_> = self.components.iter().map(|c| c.history.rows()).collect();
-        let mut plots: Vec<Option<Plots>> =
-            rows.iter().map(|rows| Plots::new(rows, self.own)).collect();
+        let plots = self.components.iter().zip(&rows);
+        let plots = plots.map(|(c, rows)| Plots::new(rows, self.own, self.legends(c, rows)));
+        let mut plots: Vec<Option<Plots>> = plots.collect();
         let sizes = plots.iter().flatten().map(Plots::sizes);
         let [value, error] =
             sizes.fold([0.0_f64; 2], |max, size| [max[0].max(size[0]), max[1].max(size[1])]);
@@ -291,6 +265,48 @@ impl BlockSeries {
         Ok(())
     }
 
+    /// The sizes of the legends of a component: of estimate, error, sigma and error in sigma.
+    fn legends(&self, component: &Component, rows: &[Row<4>]) -> [Legend; 4] {
+        let known = usize::from(rows.iter().any(|row| row.1[3].is_finite()));
+        let smoothed = usize::from(!component.filtered.is_empty());
+        let errors = known == 1 && !self.constant;
+        // calibrations share their tab
+        let plots = if self.constant { 4 } else { self.components.len().max(3) };
+        let columns = if errors { 4 } else { 3 };
+        let of = |lines: usize, letters: usize| Legend { lines, letters, columns, rows: plots };
+        let name = component.name.chars().count() + component.unit.chars().count() + 4;
+        let [truth, filter] =
+            [known * (self.truth.len() + 1), smoothed * 7].map(|more| name + more);
+        [
+            of(2 + known + 2 * smoothed, truth.max(filter)),
+            of(if self.own > 0.0 { 3 } else { 2 }, name + self.compared.len() + 8),
+            of(1 + known, self.size().chars().count()),
+            Legend { lines: 2, letters: self.ratio().chars().count(), columns: 4, rows: 3 },
+        ]
+    }
+
+    /// The name of the magnitude of an error.
+    fn size(&self) -> String {
+        format!("|{}|", self.compared)
+    }
+
+    /// The name of the bounds by estimate and reference together, with their size at the end: they may be
+    /// beyond the plot. `None` for a truth.
+    fn both(&self, rows: &[Row<4>], unit: Scale<'_>) -> Option<String> {
+        let (_, [_, sigma, ..]) = rows.last().filter(|_| self.own > 0.0)?;
+        let size = short(3.0 * sigma.hypot(self.own) / unit.size);
+        Some(format!("±3σ of both: ±{size} {}", unit.unit))
+    }
+
+    /// The title of the plot of a component while the run goes on.
+    pub fn live_title(&self, name: &str, k: usize) -> String {
+        let unit = self.components[k].unit;
+        match self.compares {
+            true => label(&format!("{name} {}", self.compared), unit),
+            false => label(name, unit),
+        }
+    }
+
     /// The name of an error in sigma: of estimate and reference together where the reference is
     /// recorded.
     pub fn ratio(&self) -> String {
@@ -301,9 +317,7 @@ impl BlockSeries {
     /// Writes the error of a component in sigma.
     pub fn write_normalised(&self, recording: &Recording, k: usize) -> Result<(), StreamError> {
         let line = (self.ratio(), colour(k), 1.6);
-        let bound = |name: &str| (name.to_owned(), BOUND, 1.2);
-        let lines = [line, bound("+3"), bound("-3")];
-        let mut series = Series::lines(self.entity(k, "normalised"), &lines);
+        let mut series = Series::between(self.entity(k, "normalised"), line, ("±3", BOUND));
         for (time, [_, s, _, e]) in self.components[k].history.rows() {
             if e.is_finite() && s > 0.0 {
                 let ratio = e / s.hypot(self.own);
@@ -330,20 +344,32 @@ impl BlockSeries {
         let truth = (format!("{} {name}", self.truth), TRUTH, 1.6);
         let mut truth = Series::lines(self.entity(k, "truth"), &[truth]).broken_at(jump);
         let title = label(&format!("{} {}", c.name, self.compared), e.unit);
-        let mut error = Series::bounded(self.entity(k, "error"), title, colour(k), 1.8);
-        let powers = [
-            ("magnitude of the error".to_owned(), MAGNITUDE, 0.8),
-            ("sigma".to_owned(), colour(k), 2.4),
-        ];
-        let known = rows.iter().any(|row| row.1[3].is_finite());
-        let powers = if known { &powers[..] } else { &powers[1..] };
+        let mut lines = vec![(title, colour(k), 1.8)];
+        match self.both(rows, e) {
+            None => lines.extend([BOUNDS; 2].map(|name| (name.to_owned(), BOUND, 1.2))),
+            Some(both) => {
+                lines.extend([OF_ESTIMATE; 2].map(|name| (name.to_owned(), BOUND, 1.2)));
+                lines.extend([(both.clone(), MAGNITUDE, 1.6), (both, MAGNITUDE, 1.6)]);
+            }
+        }
+        let mut error = Series::lines(self.entity(k, "error"), &lines);
+        let powers = [(self.size(), MAGNITUDE, 0.8), ("sigma".to_owned(), colour(k), 2.4)];
+        let powers = if plots.known { &powers[..] } else { &powers[1..] };
         let mut sigma = Series::lines(self.entity(k, "sigma"), powers);
+        // a reference may be slower than the estimates
+        let mut last = (i64::MIN, f64::NAN);
         let logarithm = |x: f64| if x > 0.0 { (x / e.size).log10() } else { f64::NAN };
+        // an error near zero stays in the plot
+        let size = |error: f64| match error.is_finite() {
+            true => logarithm(error.abs().max(f64::MIN_POSITIVE)).max(plots.logarithms[0]),
+            false => f64::NAN,
+        };
         let filtered = c.filtered.rows();
         if !filtered.is_empty() {
             let name = format!("filter {name}");
+            let ([line, bound], entity) = (FILTERED, self.entity(k, "filtered"));
             let mut series =
-                Series::bounded(self.entity(k, "filtered"), name, FILTERED, 1.2).broken_at(jump);
+                Series::between(entity, (name, line, 1.2), ("filter ±3σ", bound)).broken_at(jump);
             for (time, [x, s]) in filtered {
                 let [x, b] = [x / v.size, 3.0 * s / v.size];
                 series.push(recording, Time::from_nanos(time), &[x, x + b, x - b])?;
@@ -358,100 +384,15 @@ impl BlockSeries {
                 truth.push(recording, time, &[t / v.size])?;
             }
             if d.is_finite() && !self.constant {
-                let [d, b] = [d / e.size, 3.0 * s / e.size];
-                error.push(recording, time, &[d, b, -b])?;
+                let [d, b, both] = [*d, 3.0 * s, 3.0 * s.hypot(self.own)].map(|x| x / e.size);
+                error.push(recording, time, &[d, b, -b, both, -both][..lines.len()])?;
             }
-            let both = [logarithm(d.abs()), logarithm(*s)];
+            if d.is_finite() || time.nanos().saturating_sub(last.0) > HELD {
+                last = (time.nanos(), *d);
+            }
+            let both = [size(last.1), logarithm(*s)];
             sigma.push(recording, time, &both[2 - powers.len()..])?;
         }
         [estimate, truth, error, sigma].iter_mut().try_for_each(|s| s.flush(recording))
     }
-}
-
-impl Plots {
-    /// The ranges in the unit of the block.
-    fn new(rows: &[Row<4>], own: f64) -> Option<Self> {
-        let (first, last) = (rows.first()?.0, rows.last()?.0);
-        let span = (last - first) as f64;
-        let begin = first + (BEGIN * span) as i64;
-        let end = end_of_run(first, last);
-        let over = |from: i64, bounds_from: i64, values: &dyn Fn(&[f64; 4]) -> [f64; 4]| {
-            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-            for (time, row) in rows.iter().filter(|row| row.0 >= from) {
-                let values = values(row);
-                let count = if *time >= bounds_from { 4 } else { 2 };
-                for v in values[..count].iter().filter(|v| v.is_finite()) {
-                    range = [range[0].min(*v), range[1].max(*v)];
-                }
-            }
-            range
-        };
-        let value = |r: &[f64; 4]| [r[0], r[2], r[0] + 3.0 * r[1], r[0] - 3.0 * r[1]];
-        let error = |r: &[f64; 4]| match r[3].is_finite() {
-            true => [r[3], -r[3], 3.0 * r[1], -3.0 * r[1]],
-            false => [f64::NAN; 4],
-        };
-        let known = |r: &[f64; 2]| r[0] <= r[1];
-        // the first errors are as large as a prior: the plot of sigma shows their size
-        let (usual, all) = (over(begin, begin, &error), over(first, begin, &error));
-        let whole = [all[0].max(EARLY * usual[0]), all[1].min(EARLY * usual[1])];
-        let errors = [if known(&usual) { whole } else { all }, over(end, end, &error)];
-        let sizes = |r: &[f64; 4]| match r[1] > 0.0 {
-            true => [r[1], r[3].abs(), r[1], r[1]],
-            false => [f64::NAN; 4],
-        };
-        let [low, high] = over(first, first, &sizes);
-        let sigmas = rows.iter().map(|r| r.1[1]).filter(|s| *s > 0.0);
-        let least = sigmas.fold(f64::INFINITY, f64::min);
-        let scale = Scale { unit: "", size: 1.0 };
-        let values = [over(first, begin, &value), over(end, end, &value)];
-        // an error near zero has no lower bound on this axis
-        let [low, high] = [(0.1 * least).max(low), high].map(f64::log10);
-        // a sigma that hardly changes is a flat line, and no enlarged rounding
-        let spare = (0.5 * (DECADES - (high - low))).max(0.0);
-        let logarithms = [low - spare, high + spare];
-        let ratio = |r: &[f64; 4]| [r[3] / r[1].hypot(own), 3.0, -3.0];
-        let size = rows.iter().map(|row| ratio(&row.1)[0].abs()).fold(4.0, f64::max);
-        let corners = Corners {
-            value: quietest(rows, value, values[0]),
-            error: quietest(rows, |r| [r[3], 3.0 * r[1], -3.0 * r[1]], errors[0]),
-            sigma: quietest(rows, |r| [r[1], r[3].abs()].map(f64::log10), logarithms),
-            normalised: quietest(rows, ratio, [-size, size]),
-        };
-        Some(Self {
-            value: scale,
-            error: scale,
-            values,
-            errors: errors.iter().all(known).then_some(errors),
-            logarithms,
-            corners,
-        })
-    }
-
-    /// The sizes of value and error at the end of the run, which determine the units.
-    fn sizes(&self) -> [f64; 2] {
-        let end = self.errors.as_ref().map_or(&self.values[1], |errors| &errors[1]);
-        [self.values[1][0].abs().max(self.values[1][1].abs()), 0.5 * (end[1] - end[0])]
-    }
-
-    /// The same in the units that fit those sizes.
-    fn in_units(mut self, unit: &'static str, value: f64, error: f64) -> Self {
-        // a ratio near one is read as a number
-        let one = Scale { unit, size: 1.0 };
-        let large = axis::scale(unit, value);
-        // a depth of 45 m is not read in the kilometres of north and east
-        let small = large.size > 1.0 && self.sizes()[0] < axis::LEAST * large.size;
-        self.value = if unit.is_empty() || small { one } else { large };
-        self.error = axis::scale(unit, error);
-        let (v, e) = (self.value.size, self.error.size);
-        self.values.iter_mut().flatten().for_each(|x| *x /= v);
-        self.errors.iter_mut().flatten().flatten().for_each(|x| *x /= e);
-        self.logarithms.iter_mut().for_each(|x| *x -= e.log10());
-        self
-    }
-}
-
-/// The time from which on the end of the run has plots of its own.
-pub fn end_of_run(first: i64, last: i64) -> i64 {
-    last - (END * (last - first) as f64) as i64
 }

@@ -11,12 +11,12 @@ pub const AXES: [Colour; 3] = [[235, 64, 82], [38, 166, 91], [56, 132, 255]];
 pub const TRUTH: Colour = [245, 166, 35];
 /// The colour of bounds of 3 sigma.
 pub const BOUND: Colour = [140, 148, 160];
-/// The colour of samples that the gate rejected.
+/// The colour of gated samples.
 pub const GATED: Colour = [255, 0, 200];
-/// The colours of samples that were rejected before the gate, one for each reason.
+/// The colours of rejected samples, one for each reason.
 pub const REJECTED: [Colour; 4] = [[213, 94, 0], [240, 150, 90], [160, 70, 0], [250, 200, 160]];
-/// The colour of the filter beside the smoothed run.
-pub const FILTERED: Colour = [150, 110, 200];
+/// The colours of the filter beside the smoothed run, and of its bounds of 3 sigma.
+pub const FILTERED: [Colour; 2] = [[150, 110, 200], [112, 84, 148]];
 /// The colour of the magnitude of an error.
 pub const MAGNITUDE: Colour = [200, 200, 205];
 /// The colour of the 95 % band of a statistic.
@@ -29,6 +29,10 @@ pub const BEAM: Colour = [240, 228, 66];
 /// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 
+/// The names of the axes, by component.
+const AXIS_NAMES: [&[&str]; 3] =
+    [&["x", "north", "roll"], &["y", "east", "pitch"], &["z", "down", "yaw", "heading"]];
+
 /// The colours of components beyond three axes, such as the beams of an instrument.
 const MORE: [Colour; 3] = [[204, 121, 167], [86, 180, 233], [240, 228, 66]];
 
@@ -36,6 +40,13 @@ const MORE: [Colour; 3] = [[204, 121, 167], [86, 180, 233], [240, 228, 66]];
 pub fn axis(component: usize) -> Colour {
     let k = component % (AXES.len() + MORE.len());
     AXES.into_iter().chain(MORE).nth(k).unwrap_or(BOUND)
+}
+
+/// The colour of a channel: that of its axis where its name ends with one, or else that of the component.
+pub fn channel(name: &str, component: usize) -> Colour {
+    let last = name.rsplit(' ').next().unwrap_or_default();
+    let along = AXIS_NAMES.iter().position(|names| names.contains(&last));
+    along.map_or_else(|| axis(component), axis)
 }
 
 /// An entity path of those parts, which are escaped where necessary.
@@ -53,4 +64,19 @@ pub fn title(name: &str) -> String {
     let words = name.replace('_', " ");
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_velocity_of_a_receiver_has_the_colours_of_its_axes() {
+        let names = ["north", "east", "down", "velocity north", "velocity east", "velocity down"];
+        let colours: Vec<Colour> =
+            names.iter().enumerate().map(|(k, name)| channel(name, k)).collect();
+        assert_eq!(colours[..3], AXES);
+        assert_eq!(colours[3..], AXES);
+        assert_eq!(channel("beam 4", 3), axis(3));
+    }
 }

@@ -96,6 +96,12 @@ pub trait Tab: Send {
         Ok(())
     }
 
+    /// The weight that the prior still has in the estimate of a component of a block, for a tab that follows
+    /// it: zero where the samples determine the component, and one where nothing does.
+    fn left(&self, _block: &str, _component: &str) -> Option<f64> {
+        None
+    }
+
     /// The view, once when the run starts and once when it is over; `None` leaves the tab out.
     fn view(&self, layout: &mut Layout) -> Option<ContainerLike>;
 }

@@ -112,7 +112,7 @@ pub struct Nis {
     pub sensor: String,
     /// Used samples.
     pub used: u64,
-    /// Share of the samples that the gate rejected.
+    /// Share of the samples that were gated.
     pub gated: f64,
     /// Mean NIS of the used samples.
     pub mean: Option<f64>,

@@ -86,7 +86,7 @@ impl Sensors {
             if status.age_s.is_some_and(|age| age > sensor.rhythm.patience()) {
                 status.state = SensorState::Silent;
             } else if doubted(&status.name) {
-                status.state = SensorState::Contradicting;
+                status.state = SensorState::Doubted;
             }
             status
         };

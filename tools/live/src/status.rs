@@ -22,8 +22,8 @@ pub enum SensorState {
     Rejected,
     /// No sample has arrived for longer than usual.
     Silent,
-    /// It contradicts the other sensors, or a fault of it was found.
-    Contradicting,
+    /// It contradicts the other sensors, or a fault of it was found: the verdict doubts it.
+    Doubted,
     /// A command switched it off.
     Off,
 }
@@ -37,7 +37,7 @@ impl SensorState {
             Self::Gated => "gated",
             Self::Rejected => "rejected",
             Self::Silent => "silent",
-            Self::Contradicting => "contradicting",
+            Self::Doubted => "doubted",
             Self::Off => "off",
         }
     }

@@ -6,7 +6,7 @@ use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::health::{Health, Judged, Judgement};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Derived, Event, Level, Rejection};
+use navfuse_core::model::record::{Corrected, Derived, Event, Level, Rejection};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
@@ -74,6 +74,8 @@ pub struct BlockHistory {
     pub first: Row,
     /// Last estimate.
     pub last: Row,
+    /// Estimate of a fixed block that was found to be wrong.
+    pub corrected: Option<Corrected>,
     /// The filter's own estimates, if the run is smoothed.
     pub filtered: Option<Filtered>,
     /// Last estimate with a known truth.
@@ -325,6 +327,11 @@ impl RunHistory {
 
     /// Adds a value of a derived quantity.
     pub(crate) fn derived(&mut self, derived: &Derived) {
+        if let Some(corrected) = Corrected::read(derived) {
+            let block = self.blocks.iter_mut().find(|block| block.name == corrected.block);
+            block.into_iter().for_each(|block| block.corrected = Some(corrected.clone()));
+            return;
+        }
         match self.derived.iter_mut().find(|known| known.name == derived.name) {
             Some(known) => known.clone_from(derived),
             None => self.derived.push(derived.clone()),
@@ -353,6 +360,7 @@ impl BlockHistory {
             rows: Thin::default(),
             first: row.clone(),
             last: row.clone(),
+            corrected: None,
             filtered: None,
             compared: None,
             travelled: Travelled::default(),

@@ -4,7 +4,7 @@
 use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::units::time::Time;
-use navfuse_observability::{Component, Tracker, markdown};
+use navfuse_observability::{Component, DETERMINED, Determination, Tracker, markdown};
 use navfuse_rerun::re_sdk::EntityPath;
 use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Horizontal, TextDocumentView};
 use navfuse_rerun::re_sdk_types::archetypes::{StateChange, TextDocument};
@@ -87,6 +87,8 @@ struct Followed {
     next_page: Time,
     /// Set when a verdict has changed since the last page.
     changed: bool,
+    /// Set where the samples after a time count too, which the tab does not follow.
+    smoothed: bool,
 }
 
 impl Followed {
@@ -97,7 +99,8 @@ impl Followed {
             Strip::start(path(&["observability", owner, name, &c.name]), recording)
         };
         let strips = tracker.components().iter().map(strip).collect::<Result<_, _>>()?;
-        Ok(Self { tracker, strips, next: Time::MIN, next_page: Time::MIN, changed: true })
+        let (next, next_page) = (Time::MIN, Time::MIN);
+        Ok(Self { tracker, strips, next, next_page, changed: true, smoothed: run.smoothed })
     }
 
     fn take(&mut self, record: &Record<'_>, recording: &Recording) -> Result<(), StreamError> {
@@ -116,6 +119,17 @@ impl Followed {
             self.write_page(recording)?;
         }
         Ok(())
+    }
+
+    /// The weight of the prior in the estimate of a component, by its verdict.
+    fn left(&self, block: &str, component: &str) -> Option<f64> {
+        let components = self.tracker.components().iter().zip(self.tracker.status());
+        let mut named = components.filter(|(c, _)| c.state == block && c.name == component);
+        let (_, status) = named.next().filter(|_| !self.smoothed)?;
+        Some(match status.verdict {
+            Determination::Determined => status.weight.min(DETERMINED),
+            _ => status.weight,
+        })
     }
 
     /// Number of columns of strips.
@@ -168,6 +182,10 @@ impl Tab for Observability {
             followed.shorten(recording)?;
             followed.write_page(recording)
         })
+    }
+
+    fn left(&self, block: &str, component: &str) -> Option<f64> {
+        self.followed.as_ref().and_then(|followed| followed.left(block, component))
     }
 
     /// A strip for each component in columns, and beside them the page of verdicts.

@@ -11,7 +11,7 @@ use crate::filter::judge::slot::SensorSlot;
 use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
 use crate::filter::update::work::Work;
-use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
+use crate::model::record::{Corrected, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Action;
 use crate::model::sensor::measurement::At;
 use crate::state::covariance::{Covariance, Update};
@@ -240,6 +240,13 @@ impl Ekf {
         if let Some(delta) = self.parts.signatures.as_mut().and_then(|tests| tests.adopt(index)) {
             self.go_on(delta, true);
         }
+    }
+
+    /// The fixed blocks that were found to be wrong, and are estimated since then.
+    pub(in crate::filter) fn corrected(&self) -> Vec<Corrected> {
+        let Parts { estimate, signatures, .. } = &self.parts;
+        let tests = signatures.as_ref();
+        tests.map_or_else(Vec::new, |t| t.estimated(&estimate.state, &self.layout))
     }
 
     /// Corrects the fixed blocks that were found to be wrong, and what their errors have moved the state by.

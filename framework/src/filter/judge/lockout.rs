@@ -30,7 +30,9 @@ mod words;
 pub(in crate::filter) use evidence::{
     Conviction, Evidence, Isolation, Judged, Largest, Streak, Verdict,
 };
-use words::{CONTRADICTED, EARLIER, EITHER, JUMPED, NOISE, REPLACED, SENSOR, find, log};
+use words::{
+    CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted, find, log,
+};
 
 /// Number of gated samples in a row that causes a warning.
 const IN_A_ROW: u64 = 5;
@@ -332,27 +334,24 @@ impl Lockout {
                 self.isolate(sample, since, JUMPED, &lock_out, observer)
             }
             Action::Inflate => {
-                let (severity, reason, remedy) = match silence {
-                    _ if replaced => (
-                        Severity::Contained,
-                        ", after samples of the driving sensor were replaced".to_owned(),
-                        REPLACED,
-                    ),
-                    Some(silence) => (
-                        Severity::Contained,
-                        format!(", after {silence:.1} s without a used sample"),
-                        NOISE,
-                    ),
-                    None if evidence.shared => {
-                        (Severity::DoNotUse, ", and another sensor is gated too".to_owned(), NOISE)
-                    }
-                    None => (Severity::DoNotUse, String::new(), EITHER),
-                };
-                self.adopted |= silence.is_none() && !replaced;
-                let text = format!(
-                    "{lock_out}{reason}; the covariance is inflated and this sample is used"
-                );
-                find(sample, severity, text, remedy, observer);
+                if let Some(silence) = silence.filter(|_| !replaced) {
+                    coasted(sample, silence, (count, since), observer);
+                } else {
+                    let (severity, reason, remedy) = match () {
+                        () if replaced => (
+                            Severity::Contained,
+                            ", after samples of the driving sensor were replaced",
+                            REPLACED,
+                        ),
+                        () if evidence.shared => {
+                            (Severity::DoNotUse, ", and another sensor is gated too", NOISE)
+                        }
+                        () => (Severity::DoNotUse, "", EITHER),
+                    };
+                    self.adopted |= !replaced;
+                    let text = format!("{lock_out}{reason}; {INFLATED}");
+                    find(sample, severity, text, remedy, observer);
+                }
                 let undecided = silence.is_some() && !replaced && !evidence.shared;
                 if undecided { Verdict::Adopt } else { Verdict::Inflate }
             }

@@ -5,6 +5,10 @@ use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, Reason, Verdict, VerdictLevel};
 use serde::Serialize;
 
+/// What a silence of a sensor leaves behind where the sigma has grown too little.
+const SILENCE: &str =
+    "after a silence of a sensor the sigma was too small, and has been enlarged since";
+
 /// Use that the estimate is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -82,6 +86,7 @@ impl Criterion {
         match self {
             Self::Ended => "the run ended early",
             Self::Finding => "a fault was found",
+            Self::Silence => "sigma grew too little in a silence",
             Self::Alignment => "the alignment is incomplete",
             Self::Contradiction => "they contradict each other",
             Self::Prior => "the prior was left behind",
@@ -190,7 +195,13 @@ impl Verdict {
         let doubts = || self.reasons.iter().filter(|r| r.severity > Severity::Note);
         let Some(worst) = doubts().max_by_key(|r| r.severity) else { return String::new() };
         if self.contained() {
-            return format!("a fault of {} was found and contained", self.doubted());
+            let faults = || doubts().filter(|r| r.criterion != Criterion::Silence);
+            let names = parts(faults()).join(", ");
+            return match (faults().next(), doubts().find(|r| r.criterion == Criterion::Silence)) {
+                (None, _) => SILENCE.to_owned(),
+                (_, None) => format!("a fault of {names} was found and contained"),
+                _ => format!("a fault of {names} was found and contained; {SILENCE}"),
+            };
         }
         let first = doubts().find(|r| r.severity == worst.severity).unwrap_or(worst);
         format!("{}: {}", first.about, first.criterion.words())

@@ -59,6 +59,9 @@ impl Severity {
 /// Basis of a finding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Basis {
+    /// The filter was without a sensor for a while, and then contradicts its first samples by more than its
+    /// sigma: the sensor has no fault, and the sigma has grown too little.
+    Silence,
     /// The filter compares sensors with each other, so that another sensor may be at fault.
     #[default]
     Comparison,
@@ -73,6 +76,7 @@ pub enum Basis {
 
 saved!(
     enum Basis {
+        Silence,
         Comparison,
         Explanation,
         Samples,
@@ -81,11 +85,12 @@ saved!(
 
 impl Basis {
     /// All values.
-    pub const ALL: [Self; 3] = [Self::Comparison, Self::Explanation, Self::Samples];
+    pub const ALL: [Self; 4] = [Self::Silence, Self::Comparison, Self::Explanation, Self::Samples];
 
     /// Name in a log and in JSON.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Silence => "silence",
             Self::Comparison => "comparison",
             Self::Explanation => "explanation",
             Self::Samples => "samples",

@@ -2,7 +2,7 @@
 //! not used.
 
 use crate::model::chi_square::outside;
-use crate::model::record::finding::{Finding, Severity};
+use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::latest::{LATEST, Latest, Sums};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
 use crate::units::rhythm::Rhythm;
@@ -217,10 +217,10 @@ impl Lane {
     ///
     /// A fault that was contained is doubted until the latest 25 samples agree with the filter, of which
     /// none was refused. A sensor without innovations, such as a driving one, shows no agreement. A note
-    /// is no doubt.
+    /// is no doubt, and neither is what follows a silence: the filter was off.
     pub fn doubt(&mut self, finding: &Finding) {
-        let Finding { time, severity, .. } = *finding;
-        if severity == Severity::Note {
+        let Finding { time, severity, basis, .. } = *finding;
+        if severity == Severity::Note || basis == Basis::Silence {
             return;
         }
         self.doubted.get_or_insert(time);

@@ -1,6 +1,7 @@
 //! What a run records: estimates, updates, events, findings and the verdict.
 
 pub mod answers;
+mod corrected;
 mod derived;
 mod event;
 pub mod finding;
@@ -12,6 +13,7 @@ mod record;
 pub mod verdict;
 mod wants;
 
+pub use corrected::Corrected;
 pub use derived::Derived;
 pub use event::{Event, Level};
 pub use outcome::{Outcome, Outcomes, Rejection};

@@ -51,6 +51,8 @@ pub enum Criterion {
     Ended,
     /// The filter or a monitor reported a fault.
     Finding,
+    /// The filter was without a sensor for longer than its sigma allows for.
+    Silence,
     /// The initial alignment is incomplete.
     Alignment,
     /// Two sensors pull the same state in opposite directions.
@@ -59,7 +61,7 @@ pub enum Criterion {
     Prior,
     /// A prior is too wide for the linearisation of the filter.
     Linearisation,
-    /// The gate rejected too many samples.
+    /// Too many samples were gated.
     Gated,
     /// Too many samples were faulty.
     Rejected,

@@ -253,7 +253,7 @@ impl SensorStatistics {
                 severity,
                 &self.name,
                 format!(
-                    "the gate rejected {} of {measured} samples ({:.0} %; {:.1} expected)",
+                    "{} of {measured} samples were gated ({:.0} %; {:.1} expected)",
                     self.gated,
                     100.0 * share,
                     self.expected_gated
@@ -266,7 +266,7 @@ impl SensorStatistics {
                 Criterion::Gated,
                 Severity::Doubtful,
                 &self.name,
-                format!("the gate rejected {in_a_row} samples in a row, from {begin} to {end}"),
+                format!("{in_a_row} samples in a row were gated, from {begin} to {end}"),
                 "look at the samples of that time, and at what moved the estimate before it",
             ));
         }

@@ -128,6 +128,12 @@ impl Judge {
         }
     }
 
+    /// Name of the driving sensor, if there is one.
+    fn driver(&self) -> Option<&str> {
+        let mut drivers = self.infos.iter().filter(|info| info.purpose == Purpose::Input);
+        drivers.next().map(|info| info.name.as_str())
+    }
+
     /// Judges the run, with the findings of the filter, the error that ended it, and the comparisons
     /// with the reference.
     pub(crate) fn verdict(
@@ -138,9 +144,11 @@ impl Judge {
         end: Option<Time>,
     ) -> Verdict {
         let mut report = Report::default();
+        let driver = self.driver().map(str::to_owned);
+        let driver = driver.as_deref();
         let found_of = |basis: Basis| {
             let findings = of_each_part(findings).into_iter().filter(move |f| f.basis == basis);
-            findings.map(found)
+            findings.map(move |finding| found(finding, driver))
         };
         report.reasons.extend(found_of(Basis::Samples));
         report.reasons.extend(error.map(|text| {
@@ -158,6 +166,7 @@ impl Judge {
             let mut compared: Vec<Reason> = found_of(Basis::Comparison).collect();
             self.blame_the_driver(&mut compared);
             report.reasons.append(&mut compared);
+            report.reasons.extend(found_of(Basis::Silence));
         }
         report.reasons.extend(self.wide.iter().map(|prior| prior.reason().clone()));
         report.reasons.append(&mut self.reasons);
@@ -173,7 +182,7 @@ impl Judge {
             reference.judge(alpha, references, end, &mut report);
         }
         report.reasons.retain(|reason| !(explained && reason.criterion.compares()));
-        contain(&mut report.reasons);
+        contain(&mut report.reasons, findings);
         keep_noise(&mut report.reasons);
         self.wide.iter().for_each(|prior| prior.acquit(&mut report.reasons));
         Verdict::new(report.reasons, report.sensors)
@@ -187,12 +196,13 @@ fn names_the_fault(reason: &Reason) -> bool {
 }
 
 /// Counts gated or rejected samples as part of a fault of their sensor that was found and
-/// contained.
-fn contain(reasons: &mut [Reason]) {
-    let faults: Vec<String> = (reasons.iter())
-        .filter(|r| (r.criterion, r.severity) == (Criterion::Finding, Severity::Contained))
-        .map(|r| r.about.clone())
-        .collect();
+/// contained, or of its silence.
+fn contain(reasons: &mut [Reason], findings: &[Finding]) {
+    let contained = (reasons.iter())
+        .filter(|r| (r.criterion, r.severity) == (Criterion::Finding, Severity::Contained));
+    let silent = findings.iter().filter(|finding| finding.basis == Basis::Silence);
+    let faults = contained.map(|r| r.about.clone()).chain(silent.map(|f| f.about.clone()));
+    let faults: Vec<String> = faults.collect();
     let of_fault = |r: &&mut Reason| {
         matches!(r.criterion, Criterion::Gated | Criterion::Rejected) && faults.contains(&r.about)
     };
@@ -232,10 +242,14 @@ fn of_each_part(findings: &[Finding]) -> Vec<&Finding> {
     found
 }
 
-/// Reason of a finding.
-fn found(finding: &Finding) -> Reason {
-    let Finding { time, about, severity, text, remedy, .. } = finding;
-    reason(Criterion::Finding, *severity, about, format!("at {time}: {text}"), remedy)
+/// Reason of a finding. In a silence of its sensor the driving one carried the state.
+fn found(finding: &Finding, driver: Option<&str>) -> Reason {
+    let Finding { time, about, severity, basis, text, remedy } = finding;
+    let (criterion, about) = match basis {
+        Basis::Silence => (Criterion::Silence, driver.unwrap_or(about)),
+        _ => (Criterion::Finding, about.as_str()),
+    };
+    reason(criterion, *severity, about, format!("at {time}: {text}"), remedy)
 }
 
 #[cfg(test)]

@@ -249,11 +249,38 @@ fn gated_samples_of_a_contained_fault_are_part_of_it() {
             reason_of(Criterion::Gated, Severity::Doubtful, "dvl"),
             reason_of(Criterion::Bias, Severity::Doubtful, "gnss"),
         ];
-        super::contain(&mut reasons);
+        super::contain(&mut reasons, &[]);
         let gated = if fault == Severity::Contained { fault } else { Severity::DoNotUse };
         let severities = reasons.map(|r| r.severity);
         assert_eq!(severities, [fault, gated, Severity::Doubtful, Severity::Doubtful]);
     }
+}
+
+/// The driving sensor carries the state through a silence of another one, whose gated samples are no fault.
+#[test]
+fn a_filter_that_is_off_after_a_silence_is_about_the_driving_sensor() {
+    let finding = |basis| Finding {
+        time: Time::MIN,
+        about: "gnss".to_owned(),
+        severity: Severity::Contained,
+        basis,
+        text: "the filter was off".to_owned(),
+        remedy: "raise its noise".to_owned(),
+    };
+    let silence = corrected(0.0, &[finding(Basis::Silence)]);
+    let reason = &silence.reasons[0];
+    assert_eq!((reason.criterion, reason.about.as_str()), (Criterion::Silence, "imu"));
+    let answers = silence.answers();
+    assert!(answers.because.starts_with("after a silence"), "{}", answers.because);
+    assert_eq!(answers.change[0].about, "imu");
+    // a fault that was found in the same sensor counts instead
+    let both = corrected(0.0, &[finding(Basis::Silence), finding(Basis::Comparison)]);
+    assert_eq!(both.answers().because, "a fault of gnss was found and contained");
+    let gated =
+        super::report::reason(Criterion::Gated, Severity::Doubtful, "gnss", String::new(), "");
+    let mut reasons = [gated];
+    super::contain(&mut reasons, &[finding(Basis::Silence)]);
+    assert_eq!(reasons[0].severity, Severity::Contained);
 }
 
 /// The gain is 1/2 and the correction of sigma `sqrt(1/2)`; the prior variance may be wrong by 5 %

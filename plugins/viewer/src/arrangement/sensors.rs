@@ -2,7 +2,7 @@
 
 use super::ROWS;
 use crate::blueprint::Layout;
-use crate::innovation::SensorSeries;
+use crate::innovation::{SensorSeries, grid};
 use crate::samples::SampleSeries;
 use re_sdk::blueprint::{ContainerLike, Grid, Vertical};
 
@@ -14,28 +14,30 @@ impl Layout {
         if count == 0 {
             return None;
         }
-        let columns = if count > 3 { 2 } else { 1 };
-        self.rows = count.div_ceil(columns);
+        let [columns, rows] = grid(count);
+        (self.columns, self.rows) = (columns, rows);
         let mut plots = Vec::new();
         if let Some(plot) = &sensor.nis {
-            (self.legend, self.corner) = (true, plot.corner);
+            let range = self.legend_at(&plot.legend, true, plot.range);
             let contents = [format!("+ {}/**", sensor.nis_path)];
-            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+            plots.push(self.plot(&plot.name, &contents, Some(range)));
         }
         for (k, channel) in sensor.channels.iter().enumerate() {
             if !channel.is_shown(self.ranges) {
                 continue;
             }
-            self.legend = plots.len() < 2;
             match &channel.plot {
                 Some(plot) => {
-                    self.corner = plot.corner;
+                    let range = self.legend_at(&plot.legend, plots.len() < 2, plot.range);
                     let contents = [format!("+ {}/**", channel.path)];
                     let name = format!("innovation of {} {}", sensor.name, plot.name);
-                    plots.push(self.plot(&name, &contents, Some(plot.range)));
+                    plots.push(self.plot(&name, &contents, Some(range)));
                 }
                 None => {
-                    let contents = [format!("+ {}", sensor.live_entity(k))];
+                    // its legend names a silence
+                    self.legend = true;
+                    let contents = [&sensor.live_entity(k), sensor.live_silence()];
+                    let contents = contents.map(|entity| format!("+ {entity}"));
                     let name = format!("innovation of {} {}", sensor.name, sensor.channel_label(k));
                     plots.push(self.plot(&name, &contents, None));
                 }
@@ -62,13 +64,12 @@ impl Layout {
             return None;
         }
         let columns = count.div_ceil(ROWS).clamp(1, 3);
-        self.rows = count.div_ceil(columns);
-        self.legend = true;
+        (self.columns, self.rows) = (columns, count.div_ceil(columns));
         let mut plots = Vec::new();
         for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
-            self.corner = plot.corner;
+            let range = self.legend_at(&plot.legend, true, plot.range);
             let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
-            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+            plots.push(self.plot(&plot.name, &contents, Some(range)));
         }
         let grid = Grid::new(plots).with_grid_columns(columns as u32);
         Some(grid.with_name("Samples").into())

@@ -66,12 +66,31 @@ pub fn write(
     }
     lines.extend(victims.into_iter().chain(others));
     page.push_str("\n**Which sensor was bad, and when?** ");
+    let off: Vec<String> = lanes.iter().filter_map(|lane| off(lane, now)).collect();
     if lines.is_empty() {
-        page.push_str("None was gated, rejected or doubted for longer than a second.");
+        page.push_str(match off.is_empty() {
+            true => "None was gated, rejected or doubted for longer than a second.",
+            false => "None.",
+        });
     }
+    lines.extend(off);
     page.push_str("\n\n");
     lines.iter().for_each(|line| _ = writeln!(page, "- {line}"));
     write_silences(page, lanes, now);
+}
+
+/// That the filter was off after the last silence of a sensor that it needs, which is no fault of the sensor.
+fn off(lane: &SensorLane, now: Time) -> Option<String> {
+    let until = *lane.after_silence.last()?;
+    let silent = |s: &Stretch| s.health == Health::Silent && s.to <= until;
+    let silence = lane.stretches(now).into_iter().rfind(silent);
+    let when = silence.map_or_else(String::new, |s| format!(", silent {} s", span(s.from, s.to)));
+    let until = until.seconds();
+    Some(format!(
+        "without **{}**{when}, the filter went off by more than its sigma, until {until:.0} s; the silence is \
+         no fault of the sensor",
+        lane.name
+    ))
 }
 
 /// What speaks against a sensor.
@@ -99,7 +118,8 @@ impl Accusation {
         };
         // a finding has a time, and with it the lane; a statistic of the whole run has none
         let found = of(&|c| c == Criterion::Finding, Severity::Note);
-        let whole = of(&|c| c != Criterion::Finding, Severity::Contained);
+        let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
+        let whole = of(&whole, Severity::Contained);
         let order = found.or(whole)?;
         let useless = found.is_some_and(|k| verdict.reasons[k].severity == Severity::DoNotUse);
         Some(Self { order, useless, whole: whole.is_some() })
@@ -109,7 +129,11 @@ impl Accusation {
 /// The stretches in which the samples of a sensor were refused, or too far off.
 fn faults(lane: &SensorLane, now: Time) -> Vec<Stretch> {
     let bad = |s: &Stretch| s.health.refuses() || s.health == Health::Noisy;
-    lane.stretches(now).into_iter().filter(bad).collect()
+    // the filter was off after a silence, and the sensor was not
+    let of_silence = |s: &Stretch| {
+        lane.after_silence.iter().any(|found| s.from <= *found && found.since(s.to) <= APART)
+    };
+    lane.stretches(now).into_iter().filter(|s| bad(s) && !of_silence(s)).collect()
 }
 
 fn length(stretches: &[Stretch]) -> f64 {
@@ -366,6 +390,21 @@ mod tests {
         assert_eq!(note[1..], [silent]);
         let doubt = lines(&lanes, &[reason(Criterion::Drift, Severity::Doubtful, "gnss")]);
         assert_eq!(doubt[1..], ["- **gnss**, over the run (see the verdict)", silent]);
+    }
+
+    /// The filter is off after a silence, and gates the first samples of the sensor, which is not at fault.
+    #[test]
+    fn a_filter_that_is_off_after_a_silence_is_no_fault_of_the_sensor() {
+        use Health::{Gated, Silent, Used};
+        let stretches = [(Used, 250), (Silent, 265), (Gated, 268), (Used, 400)];
+        let mut gnss = lane("gnss", Purpose::Measurement, &stretches);
+        gnss.after_silence.push(time(268));
+        let found = lines(&[gnss], &[reason(Criterion::Silence, Severity::Contained, "imu")]);
+        assert!(found[0].ends_with("None."), "{found:?}");
+        let expected = "- without **gnss**, silent 250–265 s, the filter went off by more than its sigma, \
+                        until 268 s; the silence is no fault of the sensor";
+        assert_eq!(found[1], expected);
+        assert!(found[2].starts_with("Silent"), "{found:?}");
     }
 
     #[test]

@@ -3,8 +3,9 @@
 
 use crate::axis::{self, short};
 use crate::run::Run;
-use crate::state::BlockSeries;
+use crate::state::{BlockSeries, Component};
 use crate::tally::Worst;
+use navfuse_core::model::record::Corrected;
 use navfuse_core::model::record::answers::Truth;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::sensor::Accuracy;
@@ -66,6 +67,13 @@ impl Errors {
         let most = expected + 3.0 * (expected * (1.0 - BY_CHANCE)).sqrt();
         let far = self.largest.first().is_some_and(|largest| largest.2.sigmas > NEVER);
         self.simulated && wrong > 0 && (far || wrong as f64 > most)
+    }
+
+    /// That errors were beyond their sigma, and when most: what follows an answer.
+    pub fn beyond(&self) -> String {
+        let at = self.largest.first().map(|(_, _, worst)| worst.time.seconds());
+        let most = at.map_or_else(String::new, |at| format!(", most at {at:.0} s"));
+        format!(", errors were larger than their sigma{most}")
     }
 
     /// Writes the answer.
@@ -173,50 +181,103 @@ pub fn states(run: &Run) -> String {
         all
     };
     others.retain(|place| !shown.contains(place));
-    shown.extend(others.into_iter().take(STATES));
+    let corrected: usize = run.corrected.iter().map(|block| block.components.len()).sum();
+    shown.extend(others.into_iter().take(STATES.saturating_sub(corrected)));
     let [error, largest] = match run.simulated {
         true => ["error ± 1 sigma, end", "largest (sigmas)"],
-        false => ["minus reference ± 1 sigma", "largest (sigmas of both)"],
+        false => ["minus reference ± sigma", "largest (of both)"],
     };
-    let mut page = match known {
-        true => format!("| state | {error} | {largest} | at |\n"),
-        false => "| state | 1 sigma, end | of the prior | |\n".to_owned(),
+    let mut page = String::new();
+    write_corrected(&mut page, &run.corrected);
+    page += &match known {
+        true => format!("| state | {error} | {largest} | unit | at |\n"),
+        false => "| state | 1 sigma, end | of the prior | unit | |\n".to_owned(),
     };
-    page.push_str("|---|--:|--:|--:|\n");
-    for (b, k) in shown {
+    page.push_str("|---|--:|--:|---|--:|\n");
+    // states of one kind have one unit: that of their sigma, unless their errors were far larger
+    let size = |unit: &str| {
+        let all = shown.iter().map(|(b, k)| &blocks[*b].components[*k]);
+        let largest = |c: &Component| c.tally.worst.map_or(0.0, |worst| 0.1 * worst.error.abs());
+        let sizes = all.filter(|c| c.unit == unit).map(|c| c.tally.sigma.max(largest(c)));
+        sizes.fold(0.0, f64::max)
+    };
+    for &(b, k) in &shown {
         let c = &blocks[b].components[k];
-        let scale = axis::scale(c.unit, c.tally.sigma);
+        let scale = axis::scale(c.unit, size(c.unit));
         let sigma = short(c.tally.sigma / scale.size);
         let (name, unit) = (blocks[b].full_name(k), scale.unit);
         let _ = match (c.tally.error, c.tally.worst) {
             (Some(error), Some(Worst { sigmas, error: largest, time })) => {
                 let error = short(error / scale.size);
-                let large = axis::scale(c.unit, largest.abs());
-                let largest = format!("{} {}", short(largest / large.size), large.unit);
+                let largest = short(largest / scale.size);
                 let mark = if sigmas > NEVER { " **!**" } else { "" };
                 let at = time.seconds();
                 writeln!(
                     page,
-                    "| {name} | {error} ± {sigma} {unit} | {largest} ({sigmas:.1}{mark}) | {at:.0} s |"
+                    "| {name} | {error} ± {sigma} | {largest} ({sigmas:.1}{mark}) | {unit} | {at:.0} s |"
                 )
             }
             _ => {
                 let share = c.tally.converged().map_or_else(String::new, |s| format!("{s:.2}"));
-                writeln!(page, "| {name} | {sigma} {unit} | {share} | |")
+                writeln!(page, "| {name} | {sigma} | {share} | {unit} | |")
             }
         };
     }
     page
 }
 
+/// Writes the fixed blocks that were found to be wrong, and are estimated since then.
+fn write_corrected(page: &mut String, corrected: &[Corrected]) {
+    if corrected.is_empty() {
+        return;
+    }
+    page.push_str("| fixed, but found wrong | estimate ± 1 sigma | unit | estimated since |\n");
+    page.push_str("|---|--:|---|--:|\n");
+    for Corrected { block, since, unit, components, estimate, sigma } in corrected {
+        let scale = axis::scale(unit, sigma.iter().copied().fold(0.0, f64::max));
+        let since = since.seconds();
+        for ((component, estimate), sigma) in components.iter().zip(estimate).zip(sigma) {
+            let [estimate, sigma] = [estimate, sigma].map(|x| short(x / scale.size));
+            let unit = scale.unit;
+            let _ = writeln!(
+                page,
+                "| {block} {component} | {estimate} ± {sigma} | {unit} | {since:.0} s |"
+            );
+        }
+    }
+    page.push('\n');
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use navfuse_core::units::time::Time;
 
     fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
         let largest = Worst { sigmas: largest, ..Worst::default() };
         let largest = vec![(0, 0, largest); states];
         Errors { simulated, reference: None, largest, wrong: vec![(0, 0); wrong] }
+    }
+
+    #[test]
+    fn a_fixed_block_that_was_found_wrong_has_its_estimate_and_since_when() {
+        let mut page = String::new();
+        let corrected = Corrected {
+            block: "dvl.lever_arm".into(),
+            since: Time::from_nanos(380_500_000_000),
+            unit: "m".into(),
+            components: vec!["x".into(), "y".into()],
+            estimate: vec![-0.497, 0.004],
+            sigma: vec![0.0021, 0.012],
+        };
+        write_corrected(&mut page, &[corrected]);
+        // a sigma of 12 mm is read in millimetres, and so is all of the block
+        let rows: Vec<&str> = page.trim_end().lines().skip(2).collect();
+        let expected = [
+            "| dvl.lever_arm x | -497 ± 2.10 | mm | 380 s |",
+            "| dvl.lever_arm y | 4.00 ± 12.0 | mm | 380 s |",
+        ];
+        assert_eq!(rows, expected);
     }
 
     /// A sigma that errors contradict is not true, although no innovation does. Of 49 states, 2

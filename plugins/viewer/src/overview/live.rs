@@ -120,6 +120,8 @@ mod tests {
             worst: None,
             findings,
             span: None,
+            begun: None,
+            corrected: Vec::new(),
             places: Vec::new(),
         }
     }

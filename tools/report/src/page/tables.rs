@@ -43,7 +43,8 @@ fn judged(error: Option<(f64, f64)>) -> Markup {
 /// Returns the error and its sigma of a component at the last known truth.
 fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
     let row = block.compared.as_ref().filter(|_| block.compared_to_the_end())?;
-    Some((*row.error.get(k)?, *row.sigma.get(k)?))
+    let corrected = block.corrected.as_ref().and_then(|found| found.sigma.get(k));
+    Some((*row.error.get(k)?, *corrected.or(row.sigma.get(k))?))
 }
 
 /// Creates the table of the states that move, at the end.
@@ -108,7 +109,12 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                                 } @else {
                                     td { (number(prior.estimate[k], 0.0)) }
                                     @if smoothed { td {} }
-                                    td { "fixed" }
+                                    td {
+                                        @if let Some(found) = &block.corrected {
+                                            (with_sigma(found.estimate[k], found.sigma[k]))
+                                            " since " (seconds(found.since.seconds()))
+                                        } @else { "fixed" }
+                                    }
                                 }
                                 @if with_truth {
                                     td {
@@ -145,8 +151,11 @@ fn breakable(name: &str) -> Markup {
 
 /// Formats an estimate with its 1-sigma; a line may end before the sign, not behind it.
 fn estimate(row: &Row, k: usize) -> String {
-    let sigma = row.sigma[k];
-    format!("{} ±\u{a0}{}", number(row.estimate[k], sigma), number(sigma, sigma))
+    with_sigma(row.estimate[k], row.sigma[k])
+}
+
+fn with_sigma(value: f64, sigma: f64) -> String {
+    format!("{} ±\u{a0}{}", number(value, sigma), number(sigma, sigma))
 }
 
 /// Formats a ratio with two digits.
@@ -259,7 +268,8 @@ fn values(block: &BlockHistory) -> String {
 
 /// Lists the values of the blocks that are held fixed, which have no plots.
 pub(super) fn fixed(history: &RunHistory) -> Markup {
-    let mut fixed = history.blocks.iter().filter(|b| !b.uncertain()).peekable();
+    let fixed = history.blocks.iter().filter(|b| !b.uncertain() && b.corrected.is_none());
+    let mut fixed = fixed.peekable();
     html! {
         @if fixed.peek().is_some() {
             p.note { "Held fixed: "

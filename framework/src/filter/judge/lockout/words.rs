@@ -3,6 +3,7 @@
 use super::Judged;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
+use crate::units::time::Time;
 
 /// Reasons of an isolation.
 pub(super) const CONTRADICTED: &str = "other sensors contradict it";
@@ -20,6 +21,9 @@ pub(super) const SENSOR: &str = "look at the sensor's samples from then on; its 
 /// Remedy where the filter is at fault.
 pub(super) const NOISE: &str = "the uncertainty was too small: raise the noise of the driving sensor, or \
                                 the priors, until the innovations are consistent";
+
+/// What the filter does where it has to go on with a sensor that it contradicts.
+pub(super) const INFLATED: &str = "the covariance is inflated and this sample is used";
 
 /// Remedy where the screening may have replaced right samples.
 pub(super) const REPLACED: &str = "the replaced samples were right, as in a hard stop: if you expect such \
@@ -43,5 +47,23 @@ pub(super) fn find(
 ) {
     let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
     let basis = Basis::Comparison;
+    observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
+
+/// Reports that the filter was off by more than its sigma after a silence, s: its number of gated samples, and
+/// their begin.
+pub(super) fn coasted(
+    sample: &Judged<'_>,
+    silence: f64,
+    (count, since): (u64, Time),
+    observer: &mut dyn Observer,
+) {
+    let sensor = sample.sensor;
+    let text = format!(
+        "after {silence:.1} s without a used sample of {sensor} the filter was off by more than its sigma \
+         allows: every one of {count} samples was gated since {since}; {INFLATED}"
+    );
+    let (time, about, remedy) = (sample.time, sensor.to_owned(), NOISE.to_owned());
+    let (severity, basis) = (Severity::Contained, Basis::Silence);
     observer.finding(Finding { time, about, severity, basis, text, remedy });
 }

@@ -15,6 +15,7 @@ use super::lanes::Seen;
 use super::score::PARAMETER;
 use crate::checkpoint::saved;
 use crate::state::covariance::{backward, cholesky, forward};
+use crate::units::time::Time;
 use std::ops::Range;
 
 /// Sigma of a component of which nothing is known, in its unit.
@@ -28,8 +29,9 @@ pub(super) struct Calibration {
     /// Index of the first component among those that are tested, and their number.
     first: usize,
     n: usize,
-    /// Set from the finding on.
+    /// Set from the finding on, and its time.
     pub(super) corrects: bool,
+    pub(super) since: Time,
     /// Sigma of the components before any sample.
     prior: f64,
     /// Sums `b`, `C` and `I`, matrices row-major, and those of the span.
@@ -47,7 +49,7 @@ pub(super) struct Calibration {
 }
 
 saved!(Calibration {
-    first, n, corrects, prior, sums, span, squares, a, lower, score, corrected,
+    first, n, corrects, since, prior, sums, span, squares, a, lower, score, corrected,
 } except { work });
 
 /// Workspace of a span: a matrix, its Cholesky factor, and vectors.
@@ -124,6 +126,10 @@ impl Calibration {
         self.span.clear();
         (self.prior, self.squares) = (UNKNOWN, [0.0; 2]);
         self.fit();
+    }
+
+    pub(super) fn first(&self) -> usize {
+        self.first
     }
 
     pub(super) fn components(&self) -> Range<usize> {

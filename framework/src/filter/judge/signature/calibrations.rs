@@ -5,7 +5,10 @@ use super::contain::Containment;
 use super::effect::{Effect, WIDE, Whitened};
 use super::lanes::Seen;
 use crate::checkpoint::saved;
+use crate::model::record::Corrected;
 use crate::state::covariance::Covariance;
+use crate::state::{Block, State};
+use crate::units::time::Time;
 use std::ops::Range;
 
 /// Correction of fixed blocks that were found to be wrong.
@@ -78,11 +81,11 @@ impl Calibrations {
 
     /// Begins to correct the block of a component that is wrong by a size. The others begin again: what they have is
     /// in part the effect of this one.
-    pub(super) fn begin(&mut self, component: usize, size: f64) {
+    pub(super) fn begin(&mut self, component: usize, size: f64, time: Time) {
         for block in self.blocks.iter_mut().filter(|block| !block.corrects) {
             if block.components().contains(&component) {
                 *block = block.usual(size);
-                block.corrects = true;
+                (block.corrects, block.since) = (true, time);
             } else {
                 block.forget();
             }
@@ -102,6 +105,17 @@ impl Calibrations {
             news |= moves;
         }
         Some((due, news))
+    }
+
+    /// The blocks that are corrected; `of` is that of a component.
+    pub(super) fn corrected<'a>(
+        &self,
+        state: &State,
+        of: impl Fn(usize) -> &'a Block,
+    ) -> Vec<Corrected> {
+        let blocks = self.blocks.iter().filter(|block| block.corrects);
+        let corrected = |b: &Calibration| Corrected::new(of(b.first()), state, b.since, b.spread());
+        blocks.filter_map(corrected).collect()
     }
 
     /// Widens the covariance where it does not contain what is not known of the blocks that are corrected.

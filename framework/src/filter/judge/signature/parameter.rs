@@ -21,6 +21,7 @@ use super::wrong::{Shares, Wrong};
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
+use crate::model::record::Corrected;
 use crate::model::record::finding::{Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
@@ -340,7 +341,7 @@ impl Parameters {
     /// Begins to correct the block of a wrong component, and the comparison with all else but what is contained, which
     /// goes on.
     fn calibrate(&mut self, wrong: &Wrong, time: Time) {
-        self.calibrations.begin(wrong.index, wrong.found.score.size());
+        self.calibrations.begin(wrong.index, wrong.found.score.size(), time);
         self.refused.fill(Gated::default());
         let others = (0..self.components.len()).filter(|index| !self.found.contains(index));
         for index in others {
@@ -364,6 +365,11 @@ impl Parameters {
             }
         }
         Some(Correction { delta, news })
+    }
+
+    /// The fixed blocks that are corrected.
+    pub(super) fn estimated(&self, state: &State, layout: &Layout) -> Vec<Corrected> {
+        self.calibrations.corrected(state, |index| &layout.blocks[self.components[index].of])
     }
 
     /// Ends a span, and returns the most significant error.

@@ -13,6 +13,7 @@ use super::treatment::{Explained, Refusal, Treatment};
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
+use crate::model::record::Corrected;
 use crate::model::record::finding::{Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
@@ -416,6 +417,11 @@ impl Signatures {
             report(containment.noted(finding, does));
         }
         std::mem::take(&mut containment.widened)
+    }
+
+    /// The fixed blocks that were found to be wrong, and are estimated since then.
+    pub(in crate::filter) fn estimated(&self, state: &State, layout: &Layout) -> Vec<Corrected> {
+        self.parameters.estimated(state, layout)
     }
 
     /// Corrects the fixed blocks that were found to be wrong. Where that is news, the other tests begin

@@ -1,0 +1,138 @@
+//! The plots of a component of the state: units, ranges, and the places of the legends.
+
+use crate::axis::{self, Scale};
+use crate::corner::{Legend, Place, quietest};
+use crate::history::Row;
+
+/// Share of the run at its end that has plots of its own.
+const END: f64 = 0.25;
+/// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
+/// the rest of the plot.
+const BEGIN: f64 = 0.1;
+/// Size of an error before that, in errors and bounds after it, up to which it counts for a range.
+const EARLY: f64 = 2.0;
+/// Least range of the plot of a sigma, in powers of ten.
+const DECADES: f64 = 1.0;
+
+/// The plots of a component.
+pub struct Plots {
+    /// The unit of the estimate.
+    pub value: Scale<'static>,
+    /// The unit of error and sigma.
+    pub error: Scale<'static>,
+    /// Range of estimate and truth, over the run and at its end.
+    pub values: [[f64; 2]; 2],
+    /// Range of the error and its bounds, over the run and at its end; `None` without a truth.
+    pub errors: Option<[[f64; 2]; 2]>,
+    /// Set where a truth is known at some time.
+    pub known: bool,
+    /// Range of the decimal logarithm of sigma and error.
+    pub logarithms: [f64; 2],
+    /// The places of the legends.
+    pub legends: Legends,
+}
+
+/// The places of the legends of a component.
+pub struct Legends {
+    /// In the plot of the estimate.
+    pub value: Place,
+    /// In the plot of the error.
+    pub error: Place,
+    /// In the plot of sigma.
+    pub sigma: Place,
+    /// In the plot of the error in sigma.
+    pub normalised: Place,
+}
+
+impl Plots {
+    /// The ranges in the unit of the block.
+    pub fn new(rows: &[Row<4>], own: f64, sizes_of_legends: [Legend; 4]) -> Option<Self> {
+        let (first, last) = (rows.first()?.0, rows.last()?.0);
+        let span = (last - first) as f64;
+        let begin = first + (BEGIN * span) as i64;
+        let end = end_of_run(first, last);
+        let over = |from: i64, bounds_from: i64, values: &dyn Fn(&[f64; 4]) -> [f64; 4]| {
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for (time, row) in rows.iter().filter(|row| row.0 >= from) {
+                let values = values(row);
+                let count = if *time >= bounds_from { 4 } else { 2 };
+                for v in values[..count].iter().filter(|v| v.is_finite()) {
+                    range = [range[0].min(*v), range[1].max(*v)];
+                }
+            }
+            range
+        };
+        let value = |r: &[f64; 4]| [r[0], r[2], r[0] + 3.0 * r[1], r[0] - 3.0 * r[1]];
+        let error = |r: &[f64; 4]| match r[3].is_finite() {
+            true => [r[3], -r[3], 3.0 * r[1], -3.0 * r[1]],
+            false => [f64::NAN; 4],
+        };
+        let known = |r: &[f64; 2]| r[0] <= r[1];
+        // the first errors are as large as a prior: the plot of sigma shows their size
+        let (usual, all) = (over(begin, begin, &error), over(first, begin, &error));
+        let whole = [all[0].max(EARLY * usual[0]), all[1].min(EARLY * usual[1])];
+        let errors = [if known(&usual) { whole } else { all }, over(end, end, &error)];
+        let sizes = |r: &[f64; 4]| match r[1] > 0.0 {
+            true => [r[1], r[3].abs(), r[1], r[1]],
+            false => [f64::NAN; 4],
+        };
+        let [low, high] = over(first, first, &sizes);
+        let sigmas = rows.iter().map(|r| r.1[1]).filter(|s| *s > 0.0);
+        let least = sigmas.fold(f64::INFINITY, f64::min);
+        let scale = Scale { unit: "", size: 1.0 };
+        let values = [over(first, begin, &value), over(end, end, &value)];
+        // an error near zero has no lower bound on this axis
+        let [low, high] = [(0.1 * least).max(low), high].map(f64::log10);
+        // a sigma that hardly changes is a flat line, and no enlarged rounding
+        let spare = (0.5 * (DECADES - (high - low))).max(0.0);
+        let logarithms = [low - spare, high + spare];
+        let ratio = |r: &[f64; 4]| [r[3] / r[1].hypot(own), 3.0, -3.0];
+        let size = rows.iter().map(|row| ratio(&row.1)[0].abs()).fold(4.0, f64::max);
+        let [of_value, of_error, of_sigma, of_ratio] = sizes_of_legends;
+        let (span, within) =
+            ((first, last), |r: &[f64; 4]| [error(r)[0], error(r)[2], error(r)[3]]);
+        let both = |r: &[f64; 4]| [r[1], r[3].abs()].map(f64::log10);
+        let legends = Legends {
+            value: quietest(rows, (value, 2), (span, values[0]), of_value),
+            error: quietest(rows, (within, 1), (span, errors[0]), of_error),
+            sigma: quietest(rows, (both, 2), (span, logarithms), of_sigma),
+            normalised: quietest(rows, (ratio, 1), (span, [-size, size]), of_ratio),
+        };
+        Some(Self {
+            value: scale,
+            error: scale,
+            values,
+            errors: errors.iter().all(known).then_some(errors),
+            known: rows.iter().any(|row| row.1[3].is_finite()),
+            logarithms,
+            legends,
+        })
+    }
+
+    /// The sizes of value and error at the end of the run, which determine the units.
+    pub fn sizes(&self) -> [f64; 2] {
+        let end = self.errors.as_ref().map_or(&self.values[1], |errors| &errors[1]);
+        [self.values[1][0].abs().max(self.values[1][1].abs()), 0.5 * (end[1] - end[0])]
+    }
+
+    /// The same in the units that fit those sizes.
+    pub fn in_units(mut self, unit: &'static str, value: f64, error: f64) -> Self {
+        // a ratio near one is read as a number
+        let one = Scale { unit, size: 1.0 };
+        let large = axis::scale(unit, value);
+        // a depth of 45 m is not read in the kilometres of north and east
+        let small = large.size > 1.0 && self.sizes()[0] < axis::LEAST * large.size;
+        self.value = if unit.is_empty() || small { one } else { large };
+        self.error = axis::scale(unit, error);
+        let (v, e) = (self.value.size, self.error.size);
+        self.values.iter_mut().flatten().for_each(|x| *x /= v);
+        self.errors.iter_mut().flatten().flatten().for_each(|x| *x /= e);
+        self.logarithms.iter_mut().for_each(|x| *x -= e.log10());
+        self
+    }
+}
+
+/// The time from which on the end of the run has plots of its own.
+pub fn end_of_run(first: i64, last: i64) -> i64 {
+    last - (END * (last - first) as f64) as i64
+}
