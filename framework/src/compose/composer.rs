@@ -291,6 +291,18 @@ impl Composer {
         Signal { offset }
     }
 
+    /// Adds the earlier value of a signal, from readings that share no noise with those of the present one.
+    ///
+    /// A signal with noise is in the innovation of a sensor that reads it, and in the derivative of the
+    /// prediction by a parameter, such as a lever arm: each parameter would then seem to be zero. The test for wrong
+    /// parameters takes the derivative with the earlier value. A signal without one has no noise that matters.
+    pub fn earlier<const N: usize>(&mut self, signal: Signal<N>) -> Signal<N> {
+        let offset = self.layout.signals;
+        self.layout.signals += N;
+        self.layout.earlier.push([signal.offset, offset, N]);
+        Signal { offset }
+    }
+
     /// Finds the signal of that full name, such as `ins.angular_rate`.
     ///
     /// # Errors

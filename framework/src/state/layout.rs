@@ -104,6 +104,8 @@ pub struct Layout {
     pub tangent: usize,
     /// Length of [`State::signals`].
     pub signals: usize,
+    /// Of each signal that has an earlier value: its place, that of the earlier value, and their length.
+    pub(crate) earlier: Vec<[usize; 3]>,
     /// Source and past of each clone, a pair of slots.
     pub(crate) clones: Vec<[usize; 2]>,
     /// Pools of blocks that come and go.

@@ -21,6 +21,7 @@ mod calibrations;
 mod charts;
 mod constants;
 mod contain;
+mod earlier;
 mod effect;
 mod lanes;
 mod offset;

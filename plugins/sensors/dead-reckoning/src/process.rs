@@ -16,6 +16,7 @@ use crate::ahrs::{Ahrs, SimulatedAhrs};
 use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::nalgebra::{Matrix3, Rotation3, SMatrix};
 use navfuse_core::prelude::*;
+use navfuse_core::state::Signal;
 use navfuse_ins::earth::earth_rate_ned;
 use navfuse_ins::{InitialPosition, InitialValue, Navigation};
 
@@ -80,13 +81,17 @@ impl ProcessType for DeadReckoning {
         let (sigmas, time) = (sigma.as_slice().to_vec(), ahrs.correlation_time.value().si());
         let slow = Dynamics::GaussMarkov { sigma: sigmas, time };
         let error = composer.block("ahrs_error", constant(sigma, slow, ERROR))?;
-        let angular_rate = Some(composer.signal("angular_rate"));
-        let navigation = Navigation::provide(composer, attitude, velocity, position);
-        let navigation = Navigation { angular_rate, ..navigation };
+        let angular_rate = composer.signal("angular_rate");
+        let earlier = composer.earlier(angular_rate);
+        let navigation = Navigation {
+            angular_rate: Some(angular_rate),
+            ..Navigation::provide(composer, attitude, velocity, position)
+        };
         let gap = ahrs.max_gap.value().si();
         let simulator = SimulatedAhrs { ahrs: ahrs.clone(), error };
         let model = DeadReckoningModel {
             navigation,
+            angular_rates: [angular_rate, earlier],
             error,
             places: Places::new(composer, &navigation, error),
             acceleration: self.acceleration.value().si().map(|a| a * a),
@@ -94,6 +99,7 @@ impl ProcessType for DeadReckoning {
             ahrs,
             before: None,
             last: None,
+            rates: Default::default(),
         };
         Ok(BuiltProcess::new(model).coasts_after(gap).driven_by(self.ahrs, simulator))
     }
@@ -148,6 +154,8 @@ saved!(Reading { time, vector });
 #[derive(Clone)]
 struct DeadReckoningModel {
     navigation: Navigation,
+    /// The angular rate, and the earlier one.
+    angular_rates: [Signal<3>; 2],
     error: Handle<Vector<3>>,
     places: Places,
     ahrs: Ahrs,
@@ -158,12 +166,15 @@ struct DeadReckoningModel {
     /// Reading before the last one.
     before: Option<Reading>,
     last: Option<Reading>,
+    /// Rates of the turns between the last readings, the newest first, in body axes, rad/s: the first and the third have no
+    /// reading in common.
+    rates: [Vector3<f64>; 3],
 }
 
 saved!(DeadReckoningModel {
-    before, last,
+    before, last, rates,
 } except {
-    navigation, error, places, ahrs, acceleration, turn,
+    navigation, angular_rates, error, places, ahrs, acceleration, turn,
 });
 
 impl DeadReckoningModel {
@@ -175,6 +186,11 @@ impl DeadReckoningModel {
         let reading = Reading { time: sample.time, vector: c_b_n.scaled_axis() };
         if self.last.is_none_or(|last| last.time != reading.time) {
             self.before = self.last.replace(reading);
+            if let Some((_, turn, [begin, end])) = self.readings() {
+                let length = end.since(begin);
+                self.rates.rotate_right(1);
+                self.rates[0] = if length > 0.0 { turn / length } else { Vector3::zeros() };
+            }
         }
         Ok(())
     }
@@ -199,15 +215,14 @@ impl DeadReckoningModel {
     }
 
     /// Publishes the angular rate with respect to inertial space, as gyros would measure it: the
-    /// turn between the last two readings, and the Earth rate.
+    /// turn between two readings, and the Earth rate.
     fn publish(&self, layout: &Layout, state: &mut State) {
-        let Some((_, turn, [begin, end])) = self.readings() else { return };
-        let (n, length) = (&self.navigation, end.since(begin));
-        let turn = if length > 0.0 { turn / length } else { Vector3::zeros() };
-        let latitude = state.get(layout, n.position).latitude;
-        let w = turn + state.get(layout, n.attitude).inverse() * earth_rate_ned(latitude);
-        if let Some(signal) = n.angular_rate {
-            state.publish(signal, &[w.x, w.y, w.z]);
+        let latitude = state.get(layout, self.navigation.position).latitude;
+        let attitude = state.get(layout, self.navigation.attitude);
+        let earth_rate = attitude.inverse() * earth_rate_ned(latitude);
+        let [now, _, earlier] = self.rates;
+        for (signal, turn) in self.angular_rates.into_iter().zip([now, earlier]) {
+            state.publish(signal, &(turn + earth_rate).into());
         }
     }
 

@@ -29,7 +29,7 @@ use navfuse_core::plugin::ProcessType;
 use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{Vector, load_quaternion, store_quaternion};
-use navfuse_core::state::{Display, Handle, display};
+use navfuse_core::state::{Display, Handle, Signal, display};
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
@@ -131,6 +131,7 @@ impl ProcessType for Strapdown {
             .map(|gravity| gravity.block(composer, "gravity_disturbance", &[0.0; 3], GRAVITY))
             .transpose()?;
         let angular_rate = composer.signal("angular_rate");
+        let earlier = composer.earlier(angular_rate);
         let navigation = Navigation {
             gyro_bias: Some(gyro_bias),
             accel_bias: Some(accel_bias),
@@ -170,8 +171,16 @@ impl ProcessType for Strapdown {
         let screening = imu.screening();
         let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
         let rates = LastRates::new(imu.gyro_noise().amax());
-        let model =
-            StrapdownModel { imu, navigation, gravity, places, mechanisation, isotropic, rates };
+        let model = StrapdownModel {
+            imu,
+            navigation,
+            earlier,
+            gravity,
+            places,
+            mechanisation,
+            isotropic,
+            rates,
+        };
         let built = match model.imu.coast {
             Some(_) => {
                 let gap = model.imu.max_gap.value().si();
@@ -206,6 +215,8 @@ const GRAVITY: Display = Display { components: &["north", "east", "down"], ..dis
 struct StrapdownModel {
     imu: Imu,
     navigation: Navigation,
+    /// The angular rate earlier, whose noise is another one.
+    earlier: Signal<3>,
     gravity: Option<Handle<Vector<3>>>,
     places: FramePlaces,
     mechanisation: Integrator,
@@ -215,7 +226,7 @@ struct StrapdownModel {
 }
 
 saved!(StrapdownModel { mechanisation, rates } except {
-    imu, navigation, gravity, places, isotropic,
+    imu, navigation, earlier, gravity, places, isotropic,
 });
 
 impl StrapdownModel {
@@ -305,6 +316,8 @@ impl StrapdownModel {
     fn publish(&self, state: &mut State, at: Time) {
         if let Some(w) = self.rates.angular_rate(at) {
             self.navigation.publish(state, &[w.x, w.y, w.z]);
+            let w = self.rates.earlier().unwrap_or(w);
+            state.publish(self.earlier, &[w.x, w.y, w.z]);
         }
     }
 }

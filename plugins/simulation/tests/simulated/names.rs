@@ -70,3 +70,32 @@ fn a_late_gnss_is_named_where_it_is_the_only_sensor() {
     let named = ["seed=1", "seed=3"].map(|seed| first(CAR, &[seed, healthy[0], healthy[1], late]));
     assert_eq!(named.to_vec(), all("gnss"));
 }
+
+/// 0.4 deg/s are 0.1 m/s and 1 deg after 2.5 s. The error grows within the gate before it refuses a sample, where one of
+/// the receiver would jump.
+#[test]
+fn a_gyro_that_steps_is_named_where_gnss_is_the_only_sensor() {
+    for channel in ["gyro_x", "gyro_y", "gyro_z"] {
+        let step = format!(
+            "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"100 s\", size = \"0.4 deg/s\", channels = [\"{channel}\"] }}]"
+        );
+        let healthy = "sensor.gnss.simulation.outages=[]";
+        let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, &step]));
+        assert_eq!(named.to_vec(), all("imu"), "{channel}");
+    }
+}
+
+/// After an outage of 26 s a step of an accelerometer would explain fixes that are off by 3 m, or 11 m: no sample
+/// before has seen it grow.
+#[test]
+fn a_fix_that_is_off_after_an_outage_is_no_step_of_the_imu() {
+    let outage = "sensor.gnss.simulation.outages=[[\"100 s\", \"126 s\"]]";
+    for size in ["0.1 arcsec", "0.36 arcsec"] {
+        let wrong = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"bias\", from = \"126 s\", to = \"180 s\", size = \"{size}\", channels = [\"lat\"] }}]"
+        );
+        let healthy = "sensor.imu.simulation.faults=[]";
+        let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, outage, &wrong]));
+        assert_eq!(named.to_vec(), all("gnss"), "{size}");
+    }
+}

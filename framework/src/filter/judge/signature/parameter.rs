@@ -7,13 +7,14 @@
 //! a finding on, the covariance contains its effect, or the filter estimates it.
 //!
 //! The derivative by a lever arm has the noise of the gyros in it, and so has the innovation, times the lever arm.
-//! The test looks for the derivative of the sample before, whose noise is another one (an instrumental variable,
-//! Wright 1928): without it each lever arm would seem to be zero.
+//! The test looks for the derivative with an earlier angular rate, whose noise is another one (an instrumental
+//! variable, Wright 1928): without it each lever arm would seem to be zero.
 
 use super::calibration::Calibration;
 use super::calibrations::{Calibrations, Correction, moved};
 use super::constants::{Component, Kind, inputs, measures, rotations, scaled, turns, usual};
 use super::contain::Containment;
+use super::earlier::Earlier;
 use super::effect::{Effect, Found, WIDE, Whitened};
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
@@ -41,8 +42,7 @@ pub(super) const LINEAR: f64 = 0.2;
 #[derive(Clone)]
 pub(super) struct Parameters {
     components: Vec<Component>,
-    /// Derivatives of the last samples by fixed components.
-    before: Vec<[f32; MAX_CHANNELS]>,
+    earlier: Earlier,
     /// Tests of [`WIDE`] components each.
     effects: Vec<Effect<WIDE>>,
     /// Sensors whose blocks are tested, and those whose blocks are in `components`.
@@ -67,11 +67,11 @@ pub(super) struct Parameters {
 }
 
 saved!(Parameters {
-    components, before, effects, span, severity, found, calibrations,
+    components, effects, span, severity, found, calibrations,
 } each {
     known, refused,
 } except {
-    tested, rotations, turning, inputs, driven, scaled,
+    tested, rotations, turning, inputs, driven, scaled, earlier,
 });
 
 impl Parameters {
@@ -81,7 +81,7 @@ impl Parameters {
         let (known, refused) = (vec![false; tested.len()], vec![Gated::default(); tested.len()]);
         Self {
             components: Vec::new(),
-            before: Vec::new(),
+            earlier: Earlier::default(),
             effects: Vec::new(),
             tested,
             known,
@@ -100,10 +100,8 @@ impl Parameters {
 
     /// Begins all tests at the next sample.
     pub(super) fn restart(&mut self) {
-        let Self { components, before, effects, known, refused, span, found, calibrations, .. } =
-            self;
+        let Self { components, effects, known, refused, span, found, calibrations, .. } = self;
         calibrations.clear();
-        before.clear();
         components.clear();
         effects.clear();
         known.fill(false);
@@ -212,7 +210,6 @@ impl Parameters {
             effect.renew(sum, at.state.time);
         }
         self.components.push(component);
-        self.before.push([0.0; MAX_CHANNELS]);
     }
 
     /// Adds the constants of a sensor: the fixed blocks that it reads, and the factors of its channels.
@@ -269,23 +266,28 @@ impl Parameters {
         self.refused[index].take(sample);
         let rows = || channels(present).enumerate().take(sample.update.m);
         let (m, [mut f, mut g]) = (sample.update.m, [[[0.0; WIDE]; MAX_CHANNELS]; 2]);
-        let Self { components, before, effects, calibrations, .. } = self;
-        let chunks = effects.iter_mut().zip(components.chunks(WIDE)).zip(before.chunks_mut(WIDE));
-        for (((effect, components), before), first) in chunks.zip((0..).step_by(WIDE)) {
+        let Self { components, earlier, effects, calibrations, .. } = self;
+        let earlier = earlier.of(at).filter(|_| tested);
+        let chunks = effects.iter_mut().zip(components.chunks(WIDE));
+        for ((effect, components), first) in chunks.zip((0..).step_by(WIDE)) {
             effect.seen(sample.update, &mut g);
             f[..m].copy_from_slice(&g[..m]);
             let mut along = false;
             for (sum, &Component { kind, of, component, sensor }) in components.iter().enumerate() {
                 match kind {
                     Kind::Fixed if tested && sample.update.read.contains(of) => {
-                        along = true;
-                        let mut d = [0.0; MAX_CHANNELS];
-                        model.derivative(at, of, component, &mut d[..model.channels()]);
-                        let known = rows().filter(|(_, channel)| d[*channel].is_finite());
-                        for (row, channel) in known {
-                            let last = &mut before[sum][channel];
-                            f[row][sum] += std::mem::replace(last, d[channel] as f32);
-                            g[row][sum] += *last;
+                        along |= earlier.is_some();
+                        let derivative = |at: &At<'_>| {
+                            let mut d = [0.0; MAX_CHANNELS];
+                            model.derivative(at, of, component, &mut d[..model.channels()]);
+                            d
+                        };
+                        let d = derivative(at);
+                        let before = earlier.map_or(d, |state| derivative(&At { state, ..*at }));
+                        let known = |channel: usize| (d[channel] + before[channel]).is_finite();
+                        for (row, channel) in rows().filter(|(_, channel)| known(*channel)) {
+                            f[row][sum] += before[channel] as f32;
+                            g[row][sum] += d[channel] as f32;
                         }
                     }
                     Kind::Factor if sensor == index => {

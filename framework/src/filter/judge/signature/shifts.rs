@@ -298,10 +298,11 @@ impl Shifts {
     }
 
     /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
-    /// refuse one more.
+    /// refuse one more. If it refuses one sensor alone, the samples before have to show the error as well: it grows, where
+    /// one of the sensor may jump.
     pub(super) fn refused(
         &mut self,
-        time: Time,
+        (time, shared): (Time, bool),
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
@@ -310,7 +311,9 @@ impl Shifts {
             let [squares, count] = self.refused;
             let left = squares - self.evidence(axis, sum) - count;
             let Shift { sensor, patient, .. } = self.axes[axis];
-            Some(sensor) == self.driver && !patient && sum != 0 && left <= GONE * squares
+            let grows = || self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
+            let driving = Some(sensor) == self.driver && !patient && sum != 0;
+            driving && left <= GONE * squares && (shared || grows())
         };
         let worst = self.worst(counts, (covariance, considered), true)?;
         if !self.leads(&worst, &rival) {

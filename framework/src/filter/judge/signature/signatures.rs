@@ -53,10 +53,12 @@ pub(in crate::filter) struct Signatures {
     spread: Vec<Spread>,
     /// Sensor whose error makes the result useless: what others seem to have is its effect.
     culprit: Option<usize>,
+    /// Set since a recovery: it is not known which side was wrong up to then.
+    recovered: bool,
 }
 
 saved!(Signatures {
-    parameters, containment, settled, time, step, input, culprit,
+    parameters, containment, settled, time, step, input, culprit, recovered,
 } each {
     offsets, shifts, spread,
 } except {
@@ -179,6 +181,7 @@ impl Signatures {
             input: [0.0; MAX_CHANNELS],
             spread: vec![Spread::default(); composition.sensors.len()],
             culprit: None,
+            recovered: false,
         })
     }
 
@@ -270,7 +273,8 @@ impl Signatures {
 
     /// Restarts the tests for steps and offsets: the errors up to a recovery are those of another fault.
     pub(in crate::filter) fn recovered(&mut self) {
-        let Self { offsets, shifts, time, .. } = self;
+        let Self { offsets, shifts, time, recovered, .. } = self;
+        *recovered = true;
         shifts.iter_mut().for_each(Shifts::restart);
         offsets.iter_mut().flatten().for_each(|offset| offset.restart(*time));
     }
@@ -322,7 +326,7 @@ impl Signatures {
         (covariance, considered): (&mut Covariance, &[bool]),
         sensor: &dyn Fn(usize) -> &'a SensorInfo,
     ) -> Explained {
-        let Self { offsets, shifts, parameters, containment, culprit, .. } = self;
+        let Self { offsets, shifts, parameters, containment, culprit, recovered, .. } = self;
         let known = *culprit;
         containment.begin(state.time);
         let name = &sensor(index).name;
@@ -344,8 +348,9 @@ impl Signatures {
         }
         let rival = |sensor| rival_of_shift((sensor, true), offsets, (parameters, known));
         let states = (covariance, considered);
-        let step = shifts.as_mut().filter(|_| shared).and_then(|shifts| {
-            let step = shifts.refused(state.time, states, containment, rival)?;
+        let decides = shared || !*recovered;
+        let step = shifts.as_mut().filter(|_| decides).and_then(|shifts| {
+            let step = shifts.refused((state.time, shared), states, containment, rival)?;
             let about = shifts.sensor(&step);
             let finding = shifts.finding(&step, state.time, sensor(about), layout);
             blame(culprit, about, &finding);
