@@ -4,6 +4,7 @@ use super::ekf::Ekf;
 use super::judge::reject::rejected;
 use super::screen::screened::Driver;
 use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::units::time::Time;
 
 impl Ekf {
     /// Reports unused samples and sensors that are still gated after the last sample.
@@ -14,7 +15,8 @@ impl Ekf {
         if let Some(branch) = self.parts.branch.as_ref().filter(|branch| branch.is_in_doubt()) {
             observer.event(branch.undecided(time, &self.composition.sensors));
         }
-        for (slot, sensor) in self.parts.sensors.iter().zip(&self.composition.sensors) {
+        let all = || self.parts.sensors.iter().zip(&self.composition.sensors);
+        for (slot, sensor) in all() {
             let level = slot.noise.as_ref().filter(|_| slot.adaptive);
             if let Some(noise) = level {
                 let level = if noise.is_at_limit() { Level::Warning } else { Level::Info };
@@ -23,7 +25,14 @@ impl Ekf {
             }
             // the alignment has already reported the samples of its own constraint
             if !sensor.constraint || sensor.detector.is_some() {
-                slot.lockout.finish(&slot.name, slot.last, observer);
+                let used = |since: Time| {
+                    all().any(|(other, sensor)| {
+                        let counts = !sensor.constraint && other.name != slot.name;
+                        counts && other.lockout.used_since(since)
+                    })
+                };
+                let only = slot.lockout.mostly_isolated_since().is_some_and(|since| !used(since));
+                slot.lockout.finish((&slot.name, slot.last), only, observer);
             }
         }
     }

@@ -123,6 +123,11 @@ impl Lockout {
         self.used.is_some()
     }
 
+    /// Returns `true` if a sample was used since a time.
+    pub(in crate::filter) fn used_since(&self, time: Time) -> bool {
+        self.used.is_some_and(|used| used >= time)
+    }
+
     /// Returns `true` from the first gated sample on, until the sensor agrees again.
     pub(in crate::filter) fn disagrees(&self) -> bool {
         self.streak.is_some() || self.isolation.is_some()
@@ -426,28 +431,12 @@ impl Lockout {
         find(&Judged::none(sensor, began), Severity::Contained, text, SENSOR, observer);
     }
 
-    /// Reports a sensor that is still gated or isolated after the last sample.
-    pub(in crate::filter) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
-        let sample = Judged::none(sensor, time);
-        if let Some(streak @ Streak { since, count, .. }) = self.streak {
-            let last = match count {
-                1 => "the last sample was gated".to_owned(),
-                _ => format!("the last {count} samples were gated, since {since}"),
-            };
-            let text = format!("{last}, {}", self.largest(&streak));
-            log(&sample, Level::Warning, text, observer);
-        }
-        if let Some(Isolation { since, contradicted, .. }) = self.isolation {
-            let text = format!(
-                "the sensor is isolated at the end, and has contradicted the filter since {since}"
-            );
-            let (severity, remedy) = if contradicted {
-                (Severity::Contained, SENSOR)
-            } else {
-                (Severity::DoNotUse, EITHER)
-            };
-            find(&sample, severity, text, remedy, observer);
-        }
+    /// The time since which most channels are isolated.
+    pub(in crate::filter) fn mostly_isolated_since(&self) -> Option<Time> {
+        let most = |isolated: &Isolation| {
+            2 * isolated.channels.count_ones() as usize > self.channels.len()
+        };
+        self.isolation.filter(most).map(|isolation| isolation.since)
     }
 }
 

@@ -283,7 +283,7 @@ fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
     let mut jumped = Sensor::new(Action::Inflate);
     assert_eq!(jumped.until(from(11.0), 90.0), (41.0, Verdict::Isolate));
     assert_eq!(jumped.judge(340.9, 90.0, 1.0, BAD), Verdict::Isolate);
-    jumped.lockout.finish("depth", Time::MIN, &mut jumped.reports);
+    jumped.lockout.finish(("depth", Time::MIN), false, &mut jumped.reports);
     assert_eq!(jumped.severities(), [Severity::Contained, Severity::DoNotUse]);
     assert_eq!(jumped.judge(341.0, f64::INFINITY, 1.0, BAD), Verdict::Isolate);
     assert_eq!(jumped.judge(342.0, 90.0, 1.0, BAD), Verdict::Inflate);
@@ -297,8 +297,12 @@ fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
     let last = from(11.0).map(|t| wrong.judge(t, 39.0, 1.0, Evidence { contradicted, ..BAD }));
     assert_eq!(last.take(31).last(), Some(Verdict::Isolate));
     assert_eq!(wrong.judge(1000.0, 39.0, 1.0, BAD), Verdict::Isolate);
-    wrong.lockout.finish("depth", Time::MIN, &mut wrong.reports);
+    wrong.lockout.finish(("depth", Time::MIN), false, &mut wrong.reports);
     assert_eq!(wrong.severities(), [Severity::Contained; 2]);
+    // the filter has gone on without any sensor
+    assert_eq!(wrong.lockout.mostly_isolated_since(), Time::from_seconds(11.0));
+    wrong.lockout.finish(("depth", Time::MIN), true, &mut wrong.reports);
+    assert_eq!(wrong.severities()[2..], [Severity::DoNotUse]);
 }
 
 /// The isolation begins at 41 s. Its innovation has not gone: the covariance has grown.
@@ -319,10 +323,10 @@ fn a_sensor_that_was_contradicted_is_tried_again_once_the_filter_knows_no_better
 #[test]
 fn a_sensor_that_is_gated_at_the_end_is_warned_of() {
     let mut sensor = Sensor::new(Action::Report);
-    sensor.lockout.finish("depth", Time::MIN, &mut sensor.reports);
+    sensor.lockout.finish(("depth", Time::MIN), false, &mut sensor.reports);
     assert!(sensor.reports.events.is_empty());
     sensor.until([11.0, 12.0], 90.0);
-    sensor.lockout.finish("depth", Time::MIN, &mut sensor.reports);
+    sensor.lockout.finish(("depth", Time::MIN), false, &mut sensor.reports);
     let [(Level::Warning, text)] = &sensor.reports.events[..] else { unreachable!() };
     assert!(text.contains("last 2 samples"), "{text}");
 }

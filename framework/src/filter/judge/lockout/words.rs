@@ -1,6 +1,6 @@
 //! Reasons, remedies and messages of a lock-out.
 
-use super::Judged;
+use super::{Isolation, Judged, Lockout, Streak};
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::units::time::Time;
@@ -66,4 +66,36 @@ pub(super) fn coasted(
     let (time, about, remedy) = (sample.time, sensor.to_owned(), NOISE.to_owned());
     let (severity, basis) = (Severity::Contained, Basis::Silence);
     observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
+
+impl Lockout {
+    /// Reports a sensor that is still gated or isolated after the last sample. If it is the only one, the filter has
+    /// gone on without any.
+    pub(in crate::filter) fn finish(
+        &self,
+        (sensor, time): (&str, Time),
+        only: bool,
+        observer: &mut dyn Observer,
+    ) {
+        let sample = Judged::none(sensor, time);
+        if let Some(streak @ Streak { since, count, .. }) = self.streak {
+            let last = match count {
+                1 => "the last sample was gated".to_owned(),
+                _ => format!("the last {count} samples were gated, since {since}"),
+            };
+            let text = format!("{last}, {}", self.largest(&streak));
+            log(&sample, Level::Warning, text, observer);
+        }
+        if let Some(Isolation { since, contradicted, .. }) = self.isolation {
+            let text = format!(
+                "the sensor is isolated at the end, and has contradicted the filter since {since}"
+            );
+            let (severity, remedy) = if contradicted && !only {
+                (Severity::Contained, SENSOR)
+            } else {
+                (Severity::DoNotUse, EITHER)
+            };
+            find(&sample, severity, text, remedy, observer);
+        }
+    }
 }

@@ -72,9 +72,10 @@ pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
     for (index, _) in sensors.iter().enumerate().filter(|(k, _)| tested[*k]) {
         let Role::Measurement(model) = &sensors[index].role else { continue };
         all.extend((0..model.channels()).map(|channel| shift(index, Place::Channel(channel))));
-        let lengths = sensors[index].info.channels.iter().enumerate();
-        let lengths = lengths.filter(|(_, channel)| channel.unit.suffix() == "m");
-        all.extend(lengths.map(|(channel, _)| shift(index, Place::Drift(channel))));
+        let drifts = |unit: &str| ["m", "rad"].contains(&unit);
+        let positions = sensors[index].info.channels.iter().enumerate();
+        let positions = positions.filter(|(_, channel)| drifts(&channel.unit.suffix()));
+        all.extend(positions.map(|(channel, _)| shift(index, Place::Drift(channel))));
     }
     all
 }
@@ -102,6 +103,28 @@ impl Shift {
                 columns.for_each(|column| g[row][column] += age(column) as f32);
             }
         }
+    }
+
+    /// What a channel of the sensor does.
+    fn off(&self, channel: usize, found: &Found, sensor: &SensorInfo) -> String {
+        let unit = sensor.channels.get(channel).map(|channel| channel.unit.shown());
+        let (unit, scale) = unit.unwrap_or_default();
+        let (verb, per) = match self.place {
+            Place::Drift(_) => ("drifts", "/s"),
+            _ => ("is off", ""),
+        };
+        let (words, score) = (sensor.words(channel), &found.score);
+        let size = shown(score.size() * scale, &unit);
+        format!("its {words} {verb} by {size}{per} since {}", score.since)
+    }
+
+    /// What an error of a channel does that explains the same samples as another one, in words.
+    pub(super) fn alike(&self, found: &Found, sensor: &SensorInfo, layout: &Layout) -> String {
+        let (Place::Channel(channel) | Place::Drift(channel)) = self.place else {
+            return String::new();
+        };
+        let (off, moved) = (self.off(channel, found, sensor), found.moved(layout));
+        format!("; or {off}, which has moved {moved}")
     }
 
     /// The finding about the sensor; `prior` is set for an error from the start of the run.
@@ -144,18 +167,7 @@ impl Shift {
                 }
             }
             Place::Channel(channel) | Place::Drift(channel) => {
-                let unit = sensor.channels.get(channel).map(|channel| channel.unit.shown());
-                let (unit, scale) = unit.unwrap_or_default();
-                let (verb, per) = match self.place {
-                    Place::Drift(_) => ("drifts", "/s"),
-                    _ => ("is off", ""),
-                };
-                let text = format!(
-                    "its {} {verb} by {}{per} since {} ({fit})",
-                    sensor.words(channel),
-                    shown(score.size() * scale, &unit),
-                    score.since,
-                );
+                let text = format!("{} ({fit})", self.off(channel, found, sensor));
                 let remedy =
                     "look at the sensor since then; if its error is known to last, give it a \
                               bias or correlated_error"

@@ -99,10 +99,11 @@ saved!(Shifts {
     run, start, next, span, severity, refused, lasting, charts,
 } each { effects, gated } except { axes, driver, sensors, rotations });
 
-/// A significant error, and whether it goes on.
+/// A significant error, the worst one that explains the same samples, and whether it goes on.
 pub(super) struct Step {
     found: Found,
     axis: usize,
+    alike: Option<(usize, Found)>,
     pub(super) lasts: bool,
 }
 
@@ -155,7 +156,12 @@ impl Shifts {
         layout: &Layout,
     ) -> Finding {
         let prior = step.found.score.since == self.run;
-        self.axes[step.axis].finding((&step.found, prior), time, sensor, layout)
+        let mut finding = self.axes[step.axis].finding((&step.found, prior), time, sensor, layout);
+        if let Some((axis, found)) = &step.alike {
+            finding.severity = finding.severity.max(found.severity);
+            finding.text.push_str(&self.axes[*axis].alike(found, sensor, layout));
+        }
+        finding
     }
 
     /// Carries the sensitivities to the present.
@@ -279,7 +285,7 @@ impl Shifts {
         for Lasting { effect, .. } in &self.lasting {
             containment.contain((effect, &effect.all(0), 0), covariance);
         }
-        if time.since(self.span) < SPAN {
+        if self.start == Time::MIN || time.since(self.span) < SPAN {
             return None;
         }
         self.span = time;
@@ -294,7 +300,7 @@ impl Shifts {
             self.turn(time);
             return None;
         };
-        self.contain(worst, time, covariance, containment)
+        self.contain(worst, time, (covariance, considered), containment)
     }
 
     /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
@@ -307,6 +313,10 @@ impl Shifts {
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
     ) -> Option<Step> {
+        // what the sums have from before a restart counts no more
+        if self.start == Time::MIN {
+            return None;
+        }
         let counts = |axis: usize, sum: usize| {
             let [squares, count] = self.refused;
             let left = squares - self.evidence(axis, sum) - count;
@@ -319,7 +329,7 @@ impl Shifts {
         if !self.leads(&worst, &rival) {
             return None;
         }
-        self.contain(worst, time, covariance, containment)
+        self.contain(worst, time, (covariance, considered), containment)
     }
 
     /// Returns `true` if an error leads those of other sensors.
@@ -329,16 +339,17 @@ impl Shifts {
         found.score.sigmas().abs() > leading(others).max(rival(sensor))
     }
 
-    /// Contains an error, and returns it if it is more severe than those before.
+    /// Contains an error, with those of the same sensor that the samples do not tell from it, and returns it if one of them
+    /// is more severe than those before.
     fn contain(
         &mut self,
         (axis, found): (usize, Found),
         time: Time,
-        covariance: &mut Covariance,
+        (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
     ) -> Option<Step> {
         let place = self.axes[axis].place;
-        let lasts = !matches!(place, Place::State(_));
+        let (lasts, mut alike) = (!matches!(place, Place::State(_)), Vec::new());
         if let Place::State(row) = place {
             let variance = (ROOM * found.score.size()).powi(2) + found.score.variance();
             for sum in 0..SUMS {
@@ -348,16 +359,24 @@ impl Shifts {
             }
             containment.widen(covariance, variance, |i| if i == row { 1.0 } else { 0.0 });
             self.begin(time);
-        } else if self.lasting.iter().all(|lasting| lasting.axis != axis) {
-            let effect = self.effects[at(axis, 0).0].alone(found.sum);
-            containment.contain((&effect, &effect.all(0), 0), covariance);
-            self.lasting.push(Lasting { axis, effect });
+        } else {
+            alike = self.alike(axis, &found, (covariance, considered));
+            for &(axis, Found { sum, .. }) in [(axis, found)].iter().chain(&alike) {
+                if self.lasting.iter().all(|lasting| lasting.axis != axis) {
+                    let effect = self.effects[at(axis, 0).0].alone(sum);
+                    containment.contain((&effect, &effect.all(0), 0), covariance);
+                    self.lasting.push(Lasting { axis, effect });
+                }
+            }
         }
-        if self.severity >= Some(found.severity) {
+        let alike = alike.into_iter().max_by_key(|(_, other)| other.severity);
+        let alike = alike.filter(|(_, other)| other.severity > found.severity);
+        let severity = alike.map_or(found.severity, |(_, other)| other.severity);
+        if self.severity >= Some(severity) {
             return None;
         }
-        self.severity = Some(found.severity);
-        Some(Step { found, axis, lasts })
+        self.severity = Some(severity);
+        Some(Step { found, axis, alike, lasts })
     }
 
     /// The most significant error among the sums that count, with its index.

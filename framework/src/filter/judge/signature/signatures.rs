@@ -420,6 +420,8 @@ impl Signatures {
             blame(culprit, wrong.sensor(), &finding);
             let does = if wrong.is_fixed() { ESTIMATED } else { CONTAINED };
             report(containment.noted(finding, does));
+            // what a step of the driving sensor seemed to explain is in part the effect of that
+            shifts.iter_mut().filter(|_| wrong.is_fixed()).for_each(Shifts::restart);
         }
         std::mem::take(&mut containment.widened)
     }

@@ -1,9 +1,10 @@
 //! What speaks for the errors that are compared.
 
+use super::super::effect::Found;
 use super::super::parameter::LINEAR;
-use super::super::score::{PARAMETER, Score};
+use super::super::score::{PARAMETER, Score, leading};
 use super::super::shift::{Place, Shift};
-use super::{RECENT, SUMS, Shifts, at};
+use super::{Covariance, RECENT, SUMS, Shifts, Time, at};
 
 impl Shifts {
     /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
@@ -16,7 +17,7 @@ impl Shifts {
     pub(super) fn evidence_of(&self, axis: usize, sum: usize, all: bool) -> f64 {
         let score = if all { self.score_of(axis, sum) } else { self.used(axis, sum) };
         let sigmas = score.sigmas();
-        let counts = sigmas.is_finite() && self.linear(axis, sum);
+        let counts = self.start != Time::MIN && sigmas.is_finite() && self.linear(axis, sum);
         if counts { sigmas * sigmas } else { 0.0 }
     }
 
@@ -44,6 +45,31 @@ impl Shifts {
         let (effect, column) = at(axis, sum);
         let effect = &self.effects[effect];
         self.gated[self.axes[axis].sensor].explained(&effect.all(column), &effect.used(column))
+    }
+
+    /// The errors of the channels of the same sensor that the samples do not tell from one of them, such as a drift of a position
+    /// from an offset of a velocity.
+    pub(super) fn alike(
+        &self,
+        axis: usize,
+        found: &Found,
+        states: (&Covariance, &[bool]),
+    ) -> Vec<(usize, Found)> {
+        let score = found.score.sigmas().abs();
+        let alike = |other: usize| {
+            let Shift { sensor, place, .. } = self.axes[other];
+            let channel = !matches!(place, Place::State(_));
+            if other == axis || !channel || sensor != self.axes[axis].sensor {
+                return None;
+            }
+            let evidence = |sum: &usize| self.evidence(other, *sum);
+            let most = (0..SUMS).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
+            let (effect, column) = at(other, most);
+            let own = (column, self.score_of(other, most));
+            let clear = score > leading(evidence(&most).sqrt());
+            self.effects[effect].found(own, 0.0, states, false).filter(|_| !clear)
+        };
+        (0..self.axes.len()).filter_map(|other| Some((other, alike(other)?))).collect()
     }
 
     /// The largest evidence that begins with a sum.
