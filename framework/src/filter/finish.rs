@@ -13,7 +13,7 @@ impl Ekf {
         self.finish_pace(observer);
         let time = self.state().time;
         if let Some(branch) = self.parts.branch.as_ref().filter(|branch| branch.is_in_doubt()) {
-            observer.event(branch.undecided(time, &self.composition.sensors));
+            branch.finish(time, &self.composition.sensors, observer);
         }
         let all = || self.parts.sensors.iter().zip(&self.composition.sensors);
         for (slot, sensor) in all() {

@@ -30,7 +30,8 @@
 use crate::checkpoint::saved;
 use crate::filter::judge::measured::Measured;
 use crate::filter::judge::whiteness::Whiteness;
-use crate::model::record::{Event, Level};
+use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::Sensor;
 use crate::state::covariance::{Covariance, Reach, Update};
 use crate::units::sample::channels;
@@ -63,11 +64,13 @@ pub(in crate::filter) struct Branch {
     /// Logarithm of the odds of this case now, and at the beginning.
     odds: f64,
     began: f64,
+    /// Set if the gate refused the first sample.
+    gated: bool,
     /// Of each sensor, of the filter and of this case.
     whiteness: Vec<[Whiteness; 2]>,
 }
 
-saved!(Branch { sensor, since, effect, offset, variance, ended, odds, began, whiteness });
+saved!(Branch { sensor, since, effect, offset, variance, ended, odds, began, gated, whiteness });
 
 /// The offset of some channels that a sample gives.
 struct Offset {
@@ -139,11 +142,23 @@ impl Branch {
         let effect = Reach::of_offset(n, set);
         let (offset, variance) = (d.as_slice().to_vec(), variance.as_slice().to_vec());
         let (ended, began, whiteness) = (false, odds, Vec::new());
-        Some(Self { sensor, since, effect, offset, variance, ended, odds, began, whiteness })
+        Some(Self {
+            sensor,
+            since,
+            effect,
+            offset,
+            variance,
+            ended,
+            odds,
+            began,
+            gated: false,
+            whiteness,
+        })
     }
 
     /// Notes that the gate refuses the first sample: the filter may be off as well, at the same rate.
     pub(super) fn refused(mut self) -> Self {
+        self.gated = true;
         self.odds = -(-self.odds).exp().ln_1p();
         self.began = self.odds;
         self
@@ -238,15 +253,28 @@ impl Branch {
         }
     }
 
-    /// Warning of a run that ends undecided.
-    pub(in crate::filter) fn undecided(&self, time: Time, sensors: &[Sensor]) -> Event {
+    /// Reports that a run ends undecided: a doubt about the sensor if the gate refused it, else a warning.
+    pub(in crate::filter) fn finish(
+        &self,
+        time: Time,
+        sensors: &[Sensor],
+        observer: &mut dyn Observer,
+    ) {
         let text = format!(
             "either the filter was off at {}, or the sensor has been wrong since then: the samples do not \
              decide which, and the sigma contains both cases",
             self.since
         );
         let about = sensors[self.sensor].info.name.clone();
-        Event { time, level: Level::Warning, about, text }
+        if self.gated {
+            let (severity, basis) = (Severity::Contained, Basis::Comparison);
+            let remedy =
+                "look at the sensor's samples since then, and at the noise of the driving sensor";
+            let remedy = remedy.to_owned();
+            observer.finding(Finding { time, about, severity, basis, text, remedy });
+        } else {
+            observer.event(Event { time, level: Level::Warning, about, text });
+        }
     }
 
     /// The case that has outweighed the other one: `true` if the sensor was wrong.

@@ -99,3 +99,13 @@ fn a_fix_that_is_off_after_an_outage_is_no_step_of_the_imu() {
         assert_eq!(named.to_vec(), all("gnss"), "{size}");
     }
 }
+
+/// The fixes stay 31 m off to the end, so that nothing decides between the receiver and a drift of the IMU in the
+/// outage.
+#[test]
+fn a_sensor_that_may_have_been_wrong_since_an_outage_is_named_with_both_cases() {
+    let outage = "sensor.gnss.simulation.outages=[[\"400 s\", \"415 s\"]]";
+    let wrong = "sensor.gnss.simulation.faults=[{ type = \"bias\", from = \"415 s\", size = \"1 arcsec\", channels = [\"lat\"] }]";
+    let healthy = "sensor.imu.simulation.faults=[]";
+    assert_eq!(first(CAR, &["seed=1", healthy, outage, wrong]).as_deref(), Some("gnss"));
+}
