@@ -104,8 +104,8 @@ fn a_fix_that_is_off_after_an_outage_is_no_step_of_the_imu() {
 /// outage.
 #[test]
 fn a_sensor_that_may_have_been_wrong_since_an_outage_is_named_with_both_cases() {
-    let outage = "sensor.gnss.simulation.outages=[[\"400 s\", \"415 s\"]]";
-    let wrong = "sensor.gnss.simulation.faults=[{ type = \"bias\", from = \"415 s\", size = \"1 arcsec\", channels = [\"lat\"] }]";
+    let outage = "sensor.gnss.simulation.outages=[[\"350 s\", \"365 s\"]]";
+    let wrong = "sensor.gnss.simulation.faults=[{ type = \"bias\", from = \"365 s\", size = \"1 arcsec\", channels = [\"lat\"] }]";
     let healthy = "sensor.imu.simulation.faults=[]";
     assert_eq!(first(CAR, &["seed=1", healthy, outage, wrong]).as_deref(), Some("gnss"));
 }
