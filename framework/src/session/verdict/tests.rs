@@ -160,7 +160,11 @@ fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
     sensor.judge(1e-4, true, &mut report);
     let found: Vec<Criterion> = report.reasons.iter().map(|r| r.criterion).collect();
     assert_eq!(found, [Criterion::Gated, Criterion::Rejected, Criterion::Unused]);
-    assert!(report.reasons[0].text.contains("30 of 30 samples (100 %"), "{:?}", report.reasons[0]);
+    assert!(
+        report.reasons[0].text.contains("30 of 30 samples were gated (100 %"),
+        "{:?}",
+        report.reasons[0]
+    );
     assert!(report.reasons[1].text.contains("30 of 60"), "{:?}", report.reasons[1]);
 }
 

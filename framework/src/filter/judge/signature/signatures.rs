@@ -348,7 +348,7 @@ impl Signatures {
         }
         let rival = |sensor| rival_of_shift((sensor, true), offsets, (parameters, known));
         let states = (covariance, considered);
-        let decides = shared || !*recovered;
+        let decides = shared || !(*recovered || containment.is_off());
         let step = shifts.as_mut().filter(|_| decides).and_then(|shifts| {
             let step = shifts.refused((state.time, shared), states, containment, rival)?;
             let about = shifts.sensor(&step);
