@@ -54,7 +54,7 @@ fn bench(velocity: [f64; 3], [pitch, suspension, yaw, slip]: [f64; 4]) -> ModelB
         ("wheels.lever_arm", &ARM),
     ];
     let mut bench = ModelBench::new(SCENARIO, &[], "wheels", &blocks);
-    bench.state.signals.copy_from_slice(&RATE);
+    bench.state.signals[..3].copy_from_slice(&RATE);
     bench
 }
 
@@ -110,7 +110,7 @@ fn standstill(settings: &str) -> ModelBench {
         ("ins.gyro_bias", &[0.01, 0.02, 0.03]),
     ];
     let mut bench = ModelBench::new(&text, &[], "zero-velocity", &blocks);
-    bench.state.signals.copy_from_slice(&RATE);
+    bench.state.signals[..3].copy_from_slice(&RATE);
     bench
 }
 

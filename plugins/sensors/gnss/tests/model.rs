@@ -74,7 +74,7 @@ fn bench(settings: &[&str], position: [f64; 3]) -> ModelBench {
         ("ins.velocity", &[3.0, -2.0, 0.5]),
     ];
     let mut bench = ModelBench::new(SCENARIO, settings, "gnss", &blocks);
-    bench.state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
+    bench.state.signals[..3].copy_from_slice(&[0.1, -0.2, 0.3]);
     bench
 }
 

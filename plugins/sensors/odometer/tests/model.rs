@@ -63,7 +63,7 @@ fn bench() -> ModelBench {
         ("odometer.lever_arm", &ARM),
     ];
     let mut bench = ModelBench::new(SCENARIO, &[], "odometer", &blocks);
-    bench.state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
+    bench.state.signals[..3].copy_from_slice(&[0.1, -0.2, 0.3]);
     bench
 }
 

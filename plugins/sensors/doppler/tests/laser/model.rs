@@ -95,8 +95,8 @@ fn the_lever_arm_adds_what_the_turning_moves_it() {
     ]);
     let resting = state(&laser, &[]);
     let mut turning = resting.clone();
-    turning.signals[2] = 0.5; // the angular rate is the only signal: x, y, z
-    assert_eq!(turning.signals.len(), 3);
+    turning.signals[2] = 0.5; // the signals are the angular rate, x, y, z, and the earlier one
+    assert_eq!(turning.signals.len(), 6);
     assert_close(&[read(&laser, &turning)[0] - read(&laser, &resting)[0]], &[0.6]);
 }
 
