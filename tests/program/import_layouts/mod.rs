@@ -3,6 +3,7 @@
 
 mod dialects;
 mod dives;
+mod headings;
 mod programs;
 mod words;
 
@@ -117,10 +118,14 @@ fn run_from(
     reference: &Path,
     position: Option<[f64; 3]>,
 ) -> Result<f64, String> {
+    run_beside(&import(files, position)?, reference)
+}
+
+/// Runs a scenario next to the reference: the largest error of navigation in sigma.
+fn run_beside(scenario: &str, reference: &Path) -> Result<f64, String> {
     let registry = navfuse::standard_plugins();
     let text = format!(
-        "{}\n[sensor.reference]\n[source.csv.files.reference]\npath = {reference:?}\n",
-        import(files, position)?
+        "{scenario}\n[sensor.reference]\n[source.csv.files.reference]\npath = {reference:?}\n"
     );
     let document = Document::parse("imported.toml", text).map_err(|e| e.to_string())?;
     let scenario = Scenario::new(&registry, document, &[]).map_err(|e| e.to_string())?;
@@ -178,6 +183,23 @@ fn files_of_many_programs_run_without_an_answer() {
         }
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
+}
+
+/// The rows of the pictures' drives are every tenth sample of their IMU: their times count from the middle of the time
+/// that a row stands for, so that the receiver is not late.
+#[test]
+fn rows_of_kitti_are_samples_and_no_means_of_their_interval() {
+    let recorded = record();
+    let [folder, own] = [0, 1].map(|_| tempfile::tempdir().expect("a folder"));
+    let kitti = programs::all().find(|p| p.name.starts_with("KITTI")).expect("it is there");
+    let written = kitti.write(&recorded, folder.path());
+    let truth = own.path().join("reference.csv");
+    reference(&truth, &recorded, written.offset);
+    let scenario = import(&written.given, None).unwrap_or_else(|e| panic!("{e}"));
+    assert!(scenario.contains("offset = \"45.0 ms\""), "{scenario}");
+    let sigma = run(&written.given, &truth).unwrap_or_else(|e| panic!("{e}"));
+    // 2.5 without the offset
+    assert!(sigma < 2.0, "{sigma}");
 }
 
 /// An IMU at a yaw, one beside the course by less than `import` turns it, and one that is tilted: the error of

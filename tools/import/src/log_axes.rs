@@ -7,6 +7,18 @@ use crate::stream::StreamSurvey;
 
 /// Yaw of a velocity log, rad, from which it is no error of the mounting: 3 deg.
 const MOUNTED: f64 = 0.052;
+/// Share of the forward velocity that the mean velocity to the side has, for a vehicle that moves ahead: 20 deg.
+const ASIDE: f64 = 0.36;
+/// Mean velocity, m/s, from which a vehicle moves.
+const MOVES: f64 = 0.2;
+
+/// Tests whether a vehicle moves along the first axis of its log.
+fn ahead(log: &StreamSurvey) -> bool {
+    let mean = |name: &str| log.channel(name).map(|k| log.mean[k]);
+    let moved = mean("vel_x").zip(mean("vel_y"));
+    moved.is_some_and(|(x, y)| x > MOVES && y.abs() < ASIDE * x)
+}
+
 impl Recording {
     /// Turns the axes of a velocity log that point up, by the depth, or to the left, by the accelerations.
     pub fn turn_log(&mut self, streams: &[StreamSurvey]) -> bool {
@@ -46,12 +58,15 @@ impl Recording {
         if std::mem::replace(&mut self.mounted, true) {
             return false;
         }
-        let Some(part) = self.part_mut("dvl") else { return false };
         let quarters = axes::quarters(turn).filter(|quarters| *quarters != 0);
         let quarters = quarters.filter(|quarters| {
             let rest = turn.angle - f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
             rest.abs() < MOUNTED.max(3.0 * turn.sigma)
         });
+        if let Some(quarters) = quarters.filter(|_| find(streams, "dvl").is_some_and(ahead)) {
+            return self.turn_by_log(quarters);
+        }
+        let Some(part) = self.part_mut("dvl") else { return false };
         match quarters.and_then(|quarters| axes::named([0.0, 0.0, -1.0], quarters)) {
             Some(relative) => {
                 part.samples.turn(relative);
@@ -66,6 +81,21 @@ impl Recording {
         );
         part.found.questions.push(text.clone());
         self.notes.push(format!("dvl: {text}"));
+        true
+    }
+
+    /// Turns the IMU in place of a log along whose first axis the vehicle moves: this axis is forward.
+    fn turn_by_log(&mut self, quarters: i32) -> bool {
+        let Some(relative) = axes::named([0.0, 0.0, -1.0], -quarters) else { return false };
+        let Some(part) = self.part_mut("imu") else { return false };
+        part.samples.turn(relative);
+        let text = format!(
+            "the velocity log, along whose first axis the vehicle moves, fits its accelerations after a turn by {} deg \
+             about down",
+            -90 * quarters
+        );
+        part.found.questions.push(text.clone());
+        self.notes.push(format!("imu: {text}"));
         true
     }
 

@@ -40,7 +40,7 @@ const RELATIVE: &str = "no file shows the heading at the start: headings, veloci
                         it with --heading 75";
 /// Question about a heading that no file shows, but that positions need.
 const UNKNOWN: &str = "no file shows the heading at the start, and the gyros do not find north in this time: give it \
-                       with --heading 75, or count from it with --heading relative";
+                       with --heading 75, or count from it with --heading relative; positions decide between eight";
 /// 1-sigma of a heading that nobody knows, and of one that is zero by definition, deg.
 const ANY: f64 = 30.0;
 const DEFINED: f64 = 0.1;
@@ -132,9 +132,21 @@ pub fn align<'a>(
             ),
             "time at rest from the start, and the heading that is accurate enough",
         );
-    } else if (known.is_some() && moving > GATE) || (free && (noise > GATE || moving > HOPELESS)) {
+    } else if (known.is_some() && moving > GATE) || (free && noise > GATE) || moving > HOPELESS {
         let begun = begun(out);
+        let unknown = known.is_none() && !free;
         level(out, Some(imu), known.or(begun));
+        // positions decide between a few headings
+        if unknown {
+            let other = |k: u8| {
+                let [roll, pitch] = tilt(Some(imu));
+                format!(
+                    "process.ins.attitude.initial=[\"{roll:.2} deg\", \"{pitch:.2} deg\", \"{} deg\"]",
+                    45 * u16::from(k)
+                )
+            };
+            out.alternatives = (1..8).map(other).collect();
+        }
     } else if span >= IN_MOTION {
         out.finds_north = true;
         out.line(&format!("alignment = {{ method = \"in-motion\"{velocity}{gap} }}"));
@@ -154,12 +166,17 @@ pub fn align<'a>(
     }
 }
 
-/// Roll and pitch by the mean specific force, and a heading that no gyro finds.
-fn level(out: &mut Text, imu: Option<&StreamSurvey>, known: Option<Known>) {
+/// Roll and pitch by the mean specific force, deg.
+fn tilt(imu: Option<&StreamSurvey>) -> [f64; 2] {
     let first = imu.and_then(|imu| imu.channel("accel_x").or_else(|| imu.channel("dvel_x")));
     let force = imu.zip(first).map(|(imu, k)| [imu.mean[k], imu.mean[k + 1], imu.mean[k + 2]]);
     let [x, y, z] = force.unwrap_or([0.0, 0.0, -1.0]);
-    let (roll, pitch) = ((-y).atan2(-z).to_degrees(), x.atan2(y.hypot(z)).to_degrees());
+    [(-y).atan2(-z).to_degrees(), x.atan2(y.hypot(z)).to_degrees()]
+}
+
+/// Roll and pitch by the mean specific force, and a heading that no gyro finds.
+fn level(out: &mut Text, imu: Option<&StreamSurvey>, known: Option<Known>) {
+    let [roll, pitch] = tilt(imu);
     let unknown = Known { yaw: 0.0, sigma: ANY, question: Some(UNKNOWN) };
     let Known { yaw, sigma, question } = known.unwrap_or(unknown);
     out.wide = sigma > WIDE;
