@@ -342,16 +342,13 @@ impl Lockout {
                 if let Some(silence) = silence.filter(|_| !replaced) {
                     coasted(sample, silence, (count, since), observer);
                 } else {
-                    let (severity, reason, remedy) = match () {
-                        () if replaced => (
-                            Severity::Contained,
-                            ", after samples of the driving sensor were replaced",
-                            REPLACED,
-                        ),
-                        () if evidence.shared => {
-                            (Severity::DoNotUse, ", and another sensor is gated too", NOISE)
-                        }
-                        () => (Severity::DoNotUse, "", EITHER),
+                    let (severity, reason, remedy) = if replaced {
+                        let reason = ", after samples of the driving sensor were replaced";
+                        (Severity::Contained, reason, REPLACED)
+                    } else if evidence.shared {
+                        (Severity::DoNotUse, ", and another sensor is gated too", NOISE)
+                    } else {
+                        (Severity::DoNotUse, "", EITHER)
                     };
                     self.adopted |= !replaced;
                     let text = format!("{lock_out}{reason}; {INFLATED}");

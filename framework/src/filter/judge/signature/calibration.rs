@@ -128,10 +128,6 @@ impl Calibration {
         self.fit();
     }
 
-    pub(super) fn first(&self) -> usize {
-        self.first
-    }
-
     pub(super) fn components(&self) -> Range<usize> {
         self.first..self.first + self.n
     }

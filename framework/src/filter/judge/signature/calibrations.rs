@@ -114,7 +114,8 @@ impl Calibrations {
         of: impl Fn(usize) -> &'a Block,
     ) -> Vec<Corrected> {
         let blocks = self.blocks.iter().filter(|block| block.corrects);
-        let corrected = |b: &Calibration| Corrected::new(of(b.first()), state, b.since, b.spread());
+        let corrected =
+            |b: &Calibration| Corrected::new(of(b.components().start), state, b.since, b.spread());
         blocks.filter_map(corrected).collect()
     }
 

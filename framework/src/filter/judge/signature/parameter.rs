@@ -267,7 +267,7 @@ impl Parameters {
         let rows = || channels(present).enumerate().take(sample.update.m);
         let (m, [mut f, mut g]) = (sample.update.m, [[[0.0; WIDE]; MAX_CHANNELS]; 2]);
         let Self { components, earlier, effects, calibrations, .. } = self;
-        let earlier = earlier.of(at).filter(|_| tested);
+        let earlier = if tested { earlier.of(at) } else { None };
         let chunks = effects.iter_mut().zip(components.chunks(WIDE));
         for ((effect, components), first) in chunks.zip((0..).step_by(WIDE)) {
             effect.seen(sample.update, &mut g);

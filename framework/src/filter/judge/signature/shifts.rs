@@ -204,9 +204,10 @@ impl Shifts {
         self.effects[effect].since(column)
     }
 
-    /// Begins all sums at the next sample.
+    /// Begins all sums at the next sample. What they have counts no more until then.
     pub(super) fn restart(&mut self) {
         self.start = Time::MIN;
+        self.effects.iter_mut().for_each(|effect| effect.restart(Time::MIN));
     }
 
     /// Takes a sample of a sensor; `calm` is set while all sensors agree with the filter.
@@ -285,7 +286,7 @@ impl Shifts {
         for Lasting { effect, .. } in &self.lasting {
             containment.contain((effect, &effect.all(0), 0), covariance);
         }
-        if self.start == Time::MIN || time.since(self.span) < SPAN {
+        if time.since(self.span) < SPAN {
             return None;
         }
         self.span = time;
@@ -313,10 +314,6 @@ impl Shifts {
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
     ) -> Option<Step> {
-        // what the sums have from before a restart counts no more
-        if self.start == Time::MIN {
-            return None;
-        }
         let counts = |axis: usize, sum: usize| {
             let [squares, count] = self.refused;
             let left = squares - self.evidence(axis, sum) - count;

@@ -4,7 +4,7 @@ use super::super::effect::Found;
 use super::super::parameter::LINEAR;
 use super::super::score::{PARAMETER, Score, leading};
 use super::super::shift::{Place, Shift};
-use super::{Covariance, RECENT, SUMS, Shifts, Time, at};
+use super::{Covariance, RECENT, SUMS, Shifts, at};
 
 impl Shifts {
     /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
@@ -17,7 +17,7 @@ impl Shifts {
     pub(super) fn evidence_of(&self, axis: usize, sum: usize, all: bool) -> f64 {
         let score = if all { self.score_of(axis, sum) } else { self.used(axis, sum) };
         let sigmas = score.sigmas();
-        let counts = self.start != Time::MIN && sigmas.is_finite() && self.linear(axis, sum);
+        let counts = sigmas.is_finite() && self.linear(axis, sum);
         if counts { sigmas * sigmas } else { 0.0 }
     }
 
