@@ -206,9 +206,10 @@ impl Wandering {
             }
             Dynamics::GaussMarkov { sigma, time } => {
                 (block.operations.local)(&self.after, &self.mean, delta);
+                let decay = (-dt / time).exp_m1();
+                let spread = (-(-2.0 * dt / time).exp_m1()).sqrt();
                 for (d, s) in delta.iter_mut().zip(sigma) {
-                    let spread = s * (-(-2.0 * dt / time).exp_m1()).sqrt();
-                    *d = *d * (-dt / time).exp_m1() + spread * self.random.normal();
+                    *d = *d * decay + s * spread * self.random.normal();
                 }
             }
         }

@@ -257,13 +257,14 @@ impl Record {
         Recording { records: &mut self.run, findings: &mut self.findings, observer }
     }
 
-    /// Notes a sample that the filter takes next.
+    /// Notes a sample that the filter takes next, from the first one on that may start it.
     fn note(&mut self, ekf: &dyn Linearised, sample: &Sample) {
+        let first = self.samples.is_empty();
         // a search gives its samples back when it ends
-        if ekf.searching() {
+        if ekf.searching() || first && sample.time < ekf.composition().start() {
             return;
         }
-        if !ekf.running() && self.samples.len() == WAITING {
+        if first || !ekf.running() && self.samples.len() == WAITING {
             self.begin(ekf);
         }
         self.samples.push(*sample);

@@ -73,6 +73,8 @@ pub(in crate::filter) struct RecentStates {
     /// One row of the Jacobian.
     row: Vec<f64>,
     columns: Vec<usize>,
+    /// Set for each error state that a sample reads, now or in the past.
+    reads: Vec<bool>,
     /// Column of a sample for each error state; and for each element of `Phi` in these rows its
     /// place, its column and the sum that has passed through it since.
     index: Vec<Option<usize>>,
@@ -85,7 +87,7 @@ saved!(RecentStates {
 } each {
     entries, drift, density,
 } except {
-    moving, places, at, around, scratch, row, columns, index, seen, wide,
+    moving, places, at, around, scratch, row, columns, reads, index, seen, wide,
 });
 
 /// The state at one time.
@@ -157,7 +159,8 @@ impl RecentStates {
             around: [state.clone(), state],
             scratch: vec![0.0; layout.ambient],
             row: vec![0.0; layout.tangent],
-            columns: Vec::with_capacity(layout.tangent + 1 + elements),
+            columns: Vec::with_capacity(layout.tangent),
+            reads: vec![false; layout.tangent],
             index: vec![None; layout.tangent],
             seen: Vec::with_capacity(elements),
             wide: Vec::with_capacity(layout.tangent * MAX_CHANNELS),
@@ -355,20 +358,21 @@ impl RecentStates {
             to.map_or((&self.drift, self.steps), |to| (&entry(to).drift, entry(to).steps));
         let steps = self.steps - (from.steps + share * (steps - from.steps));
         // present columns through which the past columns are observed
-        self.columns.clear();
-        self.columns.extend_from_slice(&update.columns);
+        self.reads.fill(false);
         self.seen.clear();
         self.index.fill(None);
-        update.columns.iter().enumerate().for_each(|(at, &column)| self.index[column] = Some(at));
+        for (at, &column) in update.columns.iter().enumerate() {
+            (self.index[column], self.reads[column]) = (Some(at), true);
+        }
         for (n, &(i, j, one)) in self.places.iter().enumerate() {
             let Some(at) = self.index[i] else { continue };
             let passed = self.drift[n] - (from.drift[n] + share * (to[n] - from.drift[n]));
             self.seen.push((at, j, passed - one * steps));
-            self.columns.push(j);
+            self.reads[j] = true;
         }
-        self.columns.extend(offset.map(|o| o.0));
-        self.columns.sort_unstable();
-        self.columns.dedup();
+        offset.iter().for_each(|(column, _)| self.reads[*column] = true);
+        self.columns.clear();
+        self.columns.extend((0..self.reads.len()).filter(|column| self.reads[*column]));
         let (w, wide) = (update.columns.len(), self.columns.len());
         self.wide.clear();
         let present = (0..MAX_CHANNELS).filter(|&i| sample.get(i).is_some());
@@ -422,6 +426,7 @@ mod tests {
             scratch: Vec::new(),
             row: Vec::new(),
             columns: Vec::new(),
+            reads: Vec::new(),
             index: Vec::new(),
             seen: Vec::new(),
             wide: Vec::new(),

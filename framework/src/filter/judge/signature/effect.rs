@@ -1,6 +1,6 @@
 //! Effect of an error of unit size on the error states and on the innovations.
 
-use super::lanes::{Carry, See, Seen, Sums, Take, Work};
+use super::lanes::{Carry, Changes, See, Seen, Sums, Take, Work};
 use super::score::Score;
 use crate::checkpoint::saved;
 use crate::model::record::finding::Severity;
@@ -28,8 +28,9 @@ const USELESS: f64 = 2.0;
 #[derive(Clone, Copy)]
 pub(super) struct Whitened<'a> {
     pub(super) update: &'a Update,
-    /// Cholesky factor of `S`.
+    /// Cholesky factor of `S`, and the gain.
     pub(super) lower: &'a [f64],
+    pub(super) gain: &'a [f32],
     /// `S^-1 y`.
     pub(super) y: [f64; MAX_CHANNELS],
     /// Weight of the sample, below one for one that the gate refuses, which does not correct the state.
@@ -164,8 +165,8 @@ impl<const W: usize> Effect<W> {
         self.all = self.scores;
     }
 
-    /// `s := s + (Phi - I) s`, with the elements of `Phi - I` by row.
-    pub(super) fn carry(&mut self, changes: &[(usize, usize, f32)]) {
+    /// `s := s + (Phi - I) s`.
+    pub(super) fn carry(&mut self, changes: &Changes) {
         self.work.fit(self.s.len());
         Arch::new().dispatch(Carry { s: &mut self.s, work: &mut self.work, changes });
     }

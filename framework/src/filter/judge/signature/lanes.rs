@@ -71,12 +71,46 @@ impl<const W: usize> Sums<W> {
         score
     }
 
-    /// Adds `w b`, `w i` and `w c`.
+    /// Adds `w b`, `w i` and `w c`, four at once.
     #[inline(always)]
     fn add(&mut self, weight: f32, products: &[[f32; W]; 3]) {
+        let weighted = |product: f32| f64::from(weight * product);
         for (sums, products) in self.sums.iter_mut().zip(products) {
-            for (sum, product) in sums.iter_mut().zip(products) {
-                *sum += f64::from(weight * product);
+            let (sums, last) = sums.as_chunks_mut::<4>();
+            let (products, rest) = products.as_chunks::<4>();
+            for (sums, products) in sums.iter_mut().zip(products) {
+                let products = products.map(weighted);
+                sums.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
+            }
+            last.iter_mut().zip(rest).for_each(|(sum, product)| *sum += weighted(*product));
+        }
+    }
+}
+
+/// Elements of `Phi - I` that are not zero, in the form that all hypotheses share.
+#[derive(Clone, Default)]
+pub(super) struct Changes {
+    /// Rows of states that decay by themselves, with their only element.
+    decays: Vec<(usize, f32)>,
+    /// The other rows with the number of their elements, and the elements: column and value.
+    rows: Vec<(usize, usize)>,
+    elements: Vec<(usize, f32)>,
+}
+
+impl Changes {
+    /// Takes the elements of a step, by row: row, column and value.
+    pub(super) fn take(&mut self, all: &[(usize, usize, f32)]) {
+        let Self { decays, rows, elements } = self;
+        decays.clear();
+        rows.clear();
+        elements.clear();
+        for row in all.chunk_by(|a, b| a.0 == b.0) {
+            match row {
+                [(i, j, a)] if i == j => decays.push((*i, *a)),
+                _ => {
+                    rows.push((row[0].0, row.len()));
+                    elements.extend(row.iter().map(|&(_, j, a)| (j, a)));
+                }
             }
         }
     }
@@ -140,11 +174,11 @@ fn product<S: Simd, const W: usize>(simd: S, m: usize, f: &Seen<W>, g: &Seen<W>)
     all
 }
 
-/// `s := s + (Phi - I) s`, with the elements of `Phi - I` by row.
+/// `s := s + (Phi - I) s`.
 pub(super) struct Carry<'a, const W: usize> {
     pub(super) s: &'a mut [[f32; W]],
     pub(super) work: &'a mut Work<W>,
-    pub(super) changes: &'a [(usize, usize, f32)],
+    pub(super) changes: &'a Changes,
 }
 
 impl<const W: usize> WithSimd for Carry<'_, W> {
@@ -152,14 +186,21 @@ impl<const W: usize> WithSimd for Carry<'_, W> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { s, work, changes } = self;
-        let rows = || changes.chunk_by(|a, b| a.0 == b.0);
-        for (row, moved) in rows().zip(&mut work.moved) {
+        let Self { s, work, changes: Changes { decays, rows, elements } } = self;
+        let mut left = &elements[..];
+        for (&(_, count), moved) in rows.iter().zip(&mut work.moved) {
+            let (row, rest) = left.split_at(count);
             *moved = [0.0; W];
-            add(simd, moved, row.iter().map(|&(_, j, a)| (a, &s[j])));
+            add(simd, moved, row.iter().map(|&(j, a)| (a, &s[j])));
+            left = rest;
         }
-        for (row, moved) in rows().zip(&work.moved) {
-            add(simd, &mut s[row[0].0], [(1.0, moved)].into_iter());
+        // no row before reads a state that has moved
+        for (&(i, _), moved) in rows.iter().zip(&work.moved) {
+            add(simd, &mut s[i], [(1.0, moved)].into_iter());
+        }
+        for &(i, a) in decays {
+            let before = s[i];
+            add(simd, &mut s[i], [(a, &before)].into_iter());
         }
     }
 }
@@ -185,6 +226,19 @@ impl<const W: usize> WithSimd for See<'_, W> {
     }
 }
 
+/// `s := s - K g`.
+#[inline(always)]
+fn correct<S: Simd, const W: usize>(
+    simd: S,
+    s: &mut [[f32; W]],
+    (gain, m): (&[f32], usize),
+    g: &Seen<W>,
+) {
+    for (s, gain) in s.iter_mut().zip(gain.chunks_exact(m)) {
+        add(simd, s, gain.iter().zip(g).map(|(gain, g)| (-gain, g)));
+    }
+}
+
 /// A sample with the sensitivity that is known before it, and that of the sample.
 pub(super) struct Take<'a, const W: usize> {
     pub(super) s: &'a mut [[f32; W]],
@@ -204,7 +258,7 @@ impl<const W: usize> WithSimd for Take<'_, W> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { s, work, sums, refused, sample, before, g } = self;
-        let (update, m, f) = (sample.update, sample.update.m, before.unwrap_or(g));
+        let (m, f) = (sample.update.m, before.unwrap_or(g));
         let [white, now] = &mut work.white;
         whiten(simd, (sample.lower, m), f, white);
         let i = product(simd, m, white, white);
@@ -223,8 +277,12 @@ impl<const W: usize> WithSimd for Take<'_, W> {
             refused.add(weight, &products);
             return;
         }
-        for (s, gain) in s.iter_mut().zip(update.gain().chunks_exact(m.max(1))) {
-            add(simd, s, gain.iter().zip(g).map(|(gain, g)| (-(*gain as f32), g)));
+        // compiled for the usual numbers of channels and for any
+        match m {
+            1 => correct(simd, s, (sample.gain, 1), g),
+            3 => correct(simd, s, (sample.gain, 3), g),
+            4 => correct(simd, s, (sample.gain, 4), g),
+            m => correct(simd, s, (sample.gain, m.max(1)), g),
         }
     }
 }

@@ -16,6 +16,7 @@ use super::constants::{Component, Kind, inputs, measures, rotations, scaled, tur
 use super::contain::Containment;
 use super::earlier::Earlier;
 use super::effect::{Effect, Found, WIDE, Whitened};
+use super::lanes::Changes;
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
 use super::wrong::{Shares, Wrong};
@@ -117,7 +118,7 @@ impl Parameters {
     }
 
     /// Carries the sensitivities to the present, with the mean of the driving samples.
-    pub(super) fn carry(&mut self, changes: &[(usize, usize, f32)], input: &[f64]) {
+    pub(super) fn carry(&mut self, changes: &Changes, input: &[f64]) {
         let Self { effects, components, inputs, driven, .. } = self;
         let inputs = inputs.as_ref().map_or(&[][..], |(_, inputs)| &inputs[..]);
         for (effect, components) in effects.iter_mut().zip(components.chunks(WIDE)) {
@@ -226,9 +227,8 @@ impl Parameters {
                 self.add(Component { kind: Kind::Free, ..Component::default() }, at);
             }
             let first = self.components.len();
-            for component in 0..n {
-                self.add(Component { kind: Kind::Fixed, of: block, component, sensor }, at);
-            }
+            let fixed = |component| Component { kind: Kind::Fixed, of: block, component, sensor };
+            (0..n).for_each(|component| self.add(fixed(component), at));
             self.calibrations.add(first..first + n);
         }
         let scaled = self.scaled[sensor];

@@ -23,6 +23,7 @@ use super::charts::Charts;
 use super::constants::rotations;
 use super::contain::Containment;
 use super::effect::{Effect, Found, RECENT, SUMS, WIDE, Whitened};
+use super::lanes::Changes;
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
 use super::shift::{Place, Shift, places};
@@ -165,7 +166,7 @@ impl Shifts {
     }
 
     /// Carries the sensitivities to the present.
-    pub(super) fn carry(&mut self, changes: &[(usize, usize, f32)]) {
+    pub(super) fn carry(&mut self, changes: &Changes) {
         self.effects.iter_mut().for_each(|effect| effect.carry(changes));
         self.lasting.iter_mut().for_each(|lasting| lasting.effect.carry(changes));
     }

@@ -3,6 +3,7 @@
 use super::calibrations::Correction;
 use super::contain::Containment;
 use super::effect::{RECENT, SUMS, Whitened};
+use super::lanes::Changes;
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
 use super::score::leading;
@@ -38,10 +39,12 @@ pub(in crate::filter) struct Signatures {
     containment: Containment,
     /// Row and column of each element of `Phi`, its value in the identity, and its number, by row.
     places: Vec<(usize, usize, f64, usize)>,
-    /// Elements of `Phi`.
+    /// Elements of `Phi`, and of `Phi - I` those that are not zero, by row.
     phi: Vec<f64>,
-    /// Elements of `Phi - I` that are not zero, by row.
-    changes: Vec<(usize, usize, f32)>,
+    elements: Vec<(usize, usize, f32)>,
+    changes: Changes,
+    /// Gain of a sample.
+    gain: Vec<f32>,
     /// Times up to which the sensitivities are carried, and up to which the state is, and the length
     /// of the last step, s.
     settled: Time,
@@ -62,7 +65,7 @@ saved!(Signatures {
 } each {
     offsets, shifts, spread,
 } except {
-    places, phi, changes,
+    places, phi, elements, changes, gain,
 });
 
 fn of(offset: &Option<Offset>) -> f64 {
@@ -163,7 +166,7 @@ impl Signatures {
         let places = places.enumerate();
         let mut places: Vec<_> = places.map(|(at, (&(i, j), one))| (i, j, one, at)).collect();
         places.sort_unstable_by_key(|&(i, j, _, at)| (i, j, at));
-        let changes = Vec::with_capacity(places.len());
+        let elements = Vec::with_capacity(places.len());
         let parameters = Parameters::new(tested, composition);
         let (settled, time) = (Time::MIN, Time::MIN);
         let containment = Containment::new(composition);
@@ -174,7 +177,9 @@ impl Signatures {
             containment,
             places,
             phi: Vec::new(),
-            changes,
+            elements,
+            changes: Changes::default(),
+            gain: Vec::new(),
             settled,
             time,
             step: 0.0,
@@ -210,12 +215,13 @@ impl Signatures {
         }
         let duration = self.time.since(since);
         let (steps, input) = (duration / self.step, input.map(|sum| sum / duration));
-        let Self { offsets, shifts, parameters, places, phi, changes, .. } = self;
+        let Self { offsets, shifts, parameters, places, phi, elements, changes, .. } = self;
         phi.clear();
         phi.extend(transition.elements().map(|(.., value)| value));
         let all = places.iter().map(|&(i, j, one, at)| (i, j, (steps * (phi[at] - one)) as f32));
-        changes.clear();
-        changes.extend(all.filter(|change| change.2 != 0.0));
+        elements.clear();
+        elements.extend(all.filter(|change| change.2 != 0.0));
+        changes.take(elements);
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
         offsets.for_each(|effect| effect.carry(changes));
         shifts.iter_mut().for_each(|shifts| shifts.carry(changes));
@@ -242,9 +248,12 @@ impl Signatures {
         let known = self.spread[index].take(present, &y[..m]);
         backward(lower, m, &mut y[..m]);
         let Treatment { weight, used, calm, isolated } = treatment;
-        let (sample, time) = (Whitened { update, lower, y, weight, used }, at.state.time);
+        let Self { offsets, shifts, parameters, gain, .. } = self;
+        gain.clear();
+        gain.extend(update.gain().iter().map(|gain| *gain as f32));
+        let (sample, time) = (Whitened { update, lower, gain, y, weight, used }, at.state.time);
         let scaled = Whitened { weight: weight * known, ..sample };
-        for (k, offset) in self.offsets.iter_mut().enumerate() {
+        for (k, offset) in offsets.iter_mut().enumerate() {
             let Some(offset) = offset else { continue };
             let own = k == index;
             if own {
@@ -265,10 +274,10 @@ impl Signatures {
         if isolated {
             return;
         }
-        if let Some(shifts) = &mut self.shifts {
+        if let Some(shifts) = shifts {
             shifts.take(Measured { sensor: index, present }, &scaled, (time, calm));
         }
-        self.parameters.take(Measured { sensor: index, present }, &scaled, (model, info), at);
+        parameters.take(Measured { sensor: index, present }, &scaled, (model, info), at);
     }
 
     /// Restarts the tests for steps and offsets: the errors up to a recovery are those of another fault.
