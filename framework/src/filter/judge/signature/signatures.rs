@@ -140,15 +140,16 @@ fn rival_of_shift(
 
 impl Signatures {
     /// Tests of a composition for offsets that are not estimated and biases that are constant;
-    /// `None` where the innovations of a consistent filter are not white, where blocks come and go,
-    /// or where sensors read past states.
+    /// `None` where the scenario asks for none, where the innovations of a consistent filter are not
+    /// white, where blocks come and go, or where sensors read past states.
     pub(in crate::filter) fn new(
         composition: &Composition,
         transition: &Transition,
     ) -> Option<Self> {
         let layout = &*composition.layout;
         let considers = layout.blocks.iter().any(|b| b.spec.mode == Mode::Consider);
-        if considers || layout.labels > 0 || !layout.clones.is_empty() {
+        let asked = composition.estimator.hidden_errors;
+        if !asked || considers || layout.labels > 0 || !layout.clones.is_empty() {
             return None;
         }
         let tested = tested(&composition.sensors);

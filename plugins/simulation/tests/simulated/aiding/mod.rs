@@ -212,6 +212,21 @@ fn an_offset_of_a_clock_is_no_finding_once_it_is_estimated_or_moves_nothing() {
     assert!(worst(&trial, "dvl").is_some());
 }
 
+/// Without the tests the run of a healthy sensor is the same, and a clock that is off has no finding.
+#[test]
+fn a_run_looks_for_no_hidden_error_where_the_scenario_says_so() {
+    let run = |size: &str, looks: bool| {
+        let fault = format!(
+            "sensor.dvl.simulation.faults=[{{ type = \"clock-offset\", size = \"{size}\" }}]"
+        );
+        bench::run(CLOCK, &[&fault, &format!("estimator.hidden_errors={looks}")])
+    };
+    assert_eq!(run("1 ms", false).errors.last, run("1 ms", true).errors.last);
+    let found =
+        |looks| run("0.3 s", looks).finished.findings.iter().any(|f| time_offset(f).is_some());
+    assert_eq!([true, false].map(found), [true, false]);
+}
+
 /// Value that the samples fit in place of a fixed one, that value, and their distance in sigma, in the
 /// text of a finding.
 fn fitted(finding: &Finding) -> Option<[f64; 3]> {
