@@ -42,6 +42,14 @@ fn an_accelerometer_that_steps_explains_what_all_sensors_are_refused_for() {
     assert_eq!(dive(step), all("imu"));
 }
 
+/// 0.3 m/s from one sample to the next; a ramp that began just before, by chance, fits 90 % of it.
+#[test]
+fn a_jump_of_the_dvl_is_no_step_of_an_accelerometer() {
+    let jump = include_str!("../../../../scenarios/faults/dvl-jump.toml");
+    let named = first(jump, &["estimator.draw=all", "seed=1000027"]);
+    assert_eq!(named.as_deref(), Some("dvl"));
+}
+
 /// 0.3 s at 12 m/s are 3.6 m, 180 times the noise of the position.
 #[test]
 fn a_clock_that_steps_is_no_step_of_a_gyro_bias() {

@@ -67,6 +67,21 @@ impl Score {
         Self { b: self.b - a * self.c, span: [b - a * c, c], squares, ..*self }
     }
 
+    /// The sums of the samples that another score has not.
+    pub(super) fn without(&self, other: &Self) -> Self {
+        Self {
+            b: self.b - other.b,
+            i: self.i - other.i,
+            c: self.c - other.c,
+            ..Self::new(self.since)
+        }
+    }
+
+    /// Score in sigma at the noise that is stated, zero without information.
+    pub(super) fn raw(&self) -> f64 {
+        if self.i > 0.0 { self.b.abs() / self.i.sqrt() } else { 0.0 }
+    }
+
     /// Size of the error.
     pub(super) fn size(&self) -> f64 {
         self.b / self.c
@@ -181,6 +196,14 @@ mod tests {
     fn spans_that_agree_are_as_significant_as_their_score() {
         let score = score(&[[4.0, 2.0], [8.0, 4.0]]);
         assert_eq!(score.significance(), score.sigmas());
+    }
+
+    /// The second span alone has b = 8 and i = 4.
+    #[test]
+    fn samples_that_another_sum_has_do_not_count() {
+        let (all, first) = (score(&[[4.0, 2.0], [8.0, 4.0]]), score(&[[4.0, 2.0]]));
+        assert_eq!(all.without(&first).raw(), 4.0);
+        assert_eq!(all.without(&all).raw(), 0.0);
     }
 
     #[test]

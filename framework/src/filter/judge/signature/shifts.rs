@@ -57,6 +57,8 @@ const SIGNIFICANT: f64 = 6.6;
 const STEP: f64 = 4.75;
 /// Score in sigma that is significant where the gate refuses samples.
 const REFUSED: f64 = 6.0;
+/// Mean square of what an error leaves of the refused innovations above which it does not fit them.
+const POOR: f64 = 2.0;
 /// Ratio of the sigma of a step to its estimated size: a sum that began long before the step sees a
 /// smaller one.
 const ROOM: f64 = 2.0;
@@ -306,11 +308,11 @@ impl Shifts {
     }
 
     /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
-    /// refuse one more. If it refuses one sensor alone, the samples before have to show the error as well: it grows, where
-    /// one of the sensor may jump.
+    /// refuse one more. If it refuses one sensor alone, the samples before have to show the error as well: an error of
+    /// the driving sensor grows. It is none if it fits poorly, and a jump of one of the channels fits clearly better.
     pub(super) fn refused(
         &mut self,
-        (time, shared): (Time, bool),
+        (time, alone): (Time, Option<usize>),
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
@@ -321,10 +323,14 @@ impl Shifts {
             let Shift { sensor, patient, .. } = self.axes[axis];
             let grows = || self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
             let driving = Some(sensor) == self.driver && !patient && sum != 0;
-            driving && left <= GONE * squares && (shared || grows())
+            driving && left <= GONE * squares && (alone.is_none() || grows())
         };
         let worst = self.worst(counts, (covariance, considered), true)?;
-        if !self.leads(&worst, &rival) {
+        let raw = worst.1.score.raw();
+        let [squares, count] = self.refused;
+        let poor = squares - raw * raw > POOR * count;
+        let jumps = |sensor| poor && self.jump(sensor) > leading(raw);
+        if alone.is_some_and(jumps) || !self.leads(&worst, &rival) {
             return None;
         }
         self.contain(worst, time, (covariance, considered), containment)

@@ -360,7 +360,8 @@ impl Signatures {
         let states = (covariance, considered);
         let decides = shared || !(*recovered || containment.is_off());
         let step = shifts.as_mut().filter(|_| decides).and_then(|shifts| {
-            let step = shifts.refused((state.time, shared), states, containment, rival)?;
+            let alone = (!shared).then_some(index);
+            let step = shifts.refused((state.time, alone), states, containment, rival)?;
             let about = shifts.sensor(&step);
             let finding = shifts.finding(&step, state.time, sensor(about), layout);
             blame(culprit, about, &finding);

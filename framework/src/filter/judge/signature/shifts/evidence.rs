@@ -99,6 +99,20 @@ impl Shifts {
         most.max(if offsets > 0.0 { offsets + PARAMETER } else { 0.0 }).sqrt()
     }
 
+    /// Score in sigma, at the stated noise, of an offset of one channel of a sensor that begins with the first
+    /// sample that the gate refused. An error of the driving sensor is in several channels, such as a velocity
+    /// and a position.
+    pub(super) fn jump(&self, sensor: usize) -> f64 {
+        let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
+        let channels = own.filter(|(_, axis)| matches!(axis.place, Place::Channel(_)));
+        let refused = |(axis, sum): (usize, usize)| {
+            let (effect, column) = at(axis, sum);
+            self.effects[effect].all(column).without(&self.effects[effect].used(column)).raw()
+        };
+        let sums = channels.flat_map(|(axis, _)| (0..SUMS).map(move |sum| (axis, sum)));
+        sums.map(refused).fold(0.0, f64::max)
+    }
+
     /// Score in sigma of the most significant drift of a sensor.
     pub(in super::super) fn drift(&self, sensor: usize) -> f64 {
         let drifts = |axis: &Shift| axis.sensor == sensor && matches!(axis.place, Place::Drift(_));
