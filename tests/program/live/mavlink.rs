@@ -115,7 +115,7 @@ fn a_serial_autopilot_gives_its_sensors_and_receives_the_estimate_over_one_port(
     let [near, far] = ["near", "far"].map(|name| desk.path(name).display().to_string());
     let ends = [&near, &far].map(|path| format!("pty,raw,echo=0,link={path}"));
     let Ok(mut socat) = Command::new("socat").args(&ends).spawn() else {
-        return skip(Need::Unix, "`socat`, which makes a serial line");
+        return skip(Need::Socat, "a serial line needs it");
     };
     while !(Path::new(&near).exists() && Path::new(&far).exists()) {
         std::thread::sleep(std::time::Duration::from_millis(20));

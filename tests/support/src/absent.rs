@@ -25,6 +25,8 @@ pub enum Need {
     Slurm,
     /// Valgrind, which counts instructions.
     Valgrind,
+    /// `socat`, which makes a serial line.
+    Socat,
     /// Devices and programs of a Unix, such as `/dev/full` and `script`.
     Unix,
 }
