@@ -169,7 +169,8 @@ impl Relinearised {
         }
         // passes end the watch once their covariance shows that the products will not matter
         let watch = record.watch.as_mut().filter(|_| made.is_ok());
-        let over = watch.is_some_and(|watch| watch.made(watch::weight(ekf)));
+        let over =
+            watch.is_some_and(|watch| watch.made(watch::weight(ekf), watch::weight_moving(ekf)));
         let last = last || over;
         record.plan(time - start);
         let mut report = |level, text| {

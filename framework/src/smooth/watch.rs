@@ -51,10 +51,12 @@ impl Watch {
         }
     }
 
-    /// Notes the weight after passes. Returns `true` if the products will not matter any more.
-    pub(super) fn made(&mut self, weight: f64) -> bool {
+    /// Notes the weight after passes. Returns `true` if the products will not matter any more, nor once the
+    /// vehicle moves, with that weight then: a heading that is known to some degrees at rest is
+    /// determined by the first metres of a drive, which turn with it.
+    pub(super) fn made(&mut self, weight: f64, moving: f64) -> bool {
         self.last = Some(weight);
-        !matters_later(weight)
+        !matters_later(weight.max(moving))
     }
 
     /// Returns `true` if passes at the end of the run change its estimate.
@@ -69,14 +71,21 @@ fn matters_later(weight: f64) -> bool {
 }
 
 /// Largest weight of the products of all processes.
-fn largest(composition: &Composition, variance: impl Fn(usize) -> f64) -> f64 {
+fn largest(composition: &Composition, weight: impl Fn(&Product) -> f64) -> f64 {
     let products = composition.processes.iter().filter_map(|process| process.product.as_ref());
-    products.map(|product| product.weight(&variance)).fold(0.0, f64::max)
+    products.map(weight).fold(0.0, f64::max)
 }
 
 /// Weight of the products at the covariance of a filter.
 pub(super) fn weight(filter: &dyn Linearised) -> f64 {
-    largest(filter.composition(), |i| filter.propagated().get(i, i))
+    let variance = |i: usize| filter.propagated().get(i, i);
+    largest(filter.composition(), |product| product.weight(variance))
+}
+
+/// The same once the vehicle moves.
+pub(super) fn weight_moving(filter: &dyn Linearised) -> f64 {
+    let variance = |i: usize| filter.propagated().get(i, i);
+    largest(filter.composition(), |product| product.weight_moving(variance))
 }
 
 /// Returns `true` if the products that the processes neglect matter at the priors.
@@ -86,7 +95,7 @@ pub(crate) fn products_matter(composition: &Composition) -> bool {
         let block = blocks.iter().find(|block| block.tangent_range().contains(&i));
         block.map_or(0.0, |block| block.spec.sigma[i - block.tangent_range().start].powi(2))
     };
-    matters_later(largest(composition, variance))
+    matters_later(largest(composition, |product| product.weight(&variance)))
 }
 
 #[cfg(test)]
@@ -102,10 +111,11 @@ mod tests {
         assert_eq!(before.due(0.1, 4.0, true), Due::Nothing, "they matter later");
         assert_eq!(before.due(0.0058, 4.0, true), Due::End);
         let mut watch = before;
-        assert!(!watch.made(0.1));
+        assert!(!watch.made(0.1, 0.1));
         assert_eq!(watch.due(0.051, 5.0, false), Due::Nothing);
         assert_eq!(watch.due(0.049, 5.0, false), Due::Passes);
         assert_eq!(watch.due(0.001, 5.0, true), Due::Passes, "only passes make it honest");
-        assert!(watch.made(0.0058));
+        assert!(!watch.made(0.0058, 0.1), "the heading is wide");
+        assert!(watch.made(0.0058, 0.0058));
     }
 }

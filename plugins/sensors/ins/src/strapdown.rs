@@ -159,6 +159,7 @@ impl ProcessType for Strapdown {
                 Product {
                     // roll and pitch: the yaw of a vehicle at rest does not tilt the axes of a bias
                     errors: [tilt..tilt + 2, bias..bias + 3],
+                    moving: tilt + 2..tilt + 3,
                     noise: imu.gyro_noise().amax(),
                 }
             });
