@@ -26,6 +26,8 @@ const RELATED: f64 = 0.8;
 const MANOEUVRE: f64 = 0.05;
 /// Largest 1-sigma, rad, of a turn that is determined: five of them are less than half of a quarter turn.
 const DETERMINED: f64 = 0.1 * FRAC_PI_2;
+/// Half of the time, s, over which a rate is a difference of angles.
+const HALF: f64 = 0.25;
 /// Largest distance, rad, from a quarter turn that is one: 20 deg.
 const QUARTER: f64 = 0.35;
 /// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is
@@ -326,138 +328,32 @@ pub fn against_right(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]]) -> f64 
     }
 }
 
-/// The sums for the turn of a velocity log whose second axis has a sign.
+/// The sums for the turn of a velocity log whose second axis has a sign, without what a lever arm of the log adds: `w x L`.
+/// A vehicle that moves along one axis alone fits both signs, at opposite turns, but for its lever arm.
 fn log_sums(imu: &Inertial, force: [f64; 3], rows: &[[f64; 4]], sign: f64) -> Option<Sums> {
     let axis = down(force)?;
-    let mut sums = Sums::default();
+    let rate =
+        |t: f64| inertial(imu, t - HALF, t + HALF, axis).map(|(_, turned)| turned / (2.0 * HALF));
+    let mut changes: Vec<[f64; 5]> = Vec::new();
     for [a, b] in pairs(rows) {
         let Some((f, turned)) = inertial(imu, a[0], b[0], axis) else { continue };
+        let Some((before, after)) = rate(a[0]).zip(rate(b[0])) else { continue };
         let [x, y] = [0.5 * (a[1] + b[1]), 0.5 * sign * (a[2] + b[2])];
         // in axes that turn: f = dv/dt + w x v
         let change = [b[1] - a[1] - turned * y, sign * (b[2] - a[2]) + turned * x];
-        sums.add(change, f);
+        changes.push([after - before, change[0], change[1], f[0], f[1]]);
+    }
+    let square: f64 = changes.iter().map(|c| c[0] * c[0]).sum::<f64>().max(f64::MIN_POSITIVE);
+    let share = |k: usize| changes.iter().map(|c| c[0] * c[k]).sum::<f64>() / square;
+    let shares = [1, 2, 3, 4].map(share);
+    let mut sums = Sums::default();
+    for [swing, x, y, ahead, across] in &changes {
+        let [x, y, ahead, across] =
+            [(x, 0), (y, 1), (ahead, 2), (across, 3)].map(|(v, k)| v - swing * shares[k]);
+        sums.add([x, y], [ahead, across]);
     }
     Some(sums)
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-    use super::*;
-
-    /// An instrument's vector of one along forward, right and down of a vehicle.
-    fn turned(axes: &[String; 3], vehicle: [f64; 3]) -> [f64; 3] {
-        let mut out = [0.0; 3];
-        for (axis, value) in axes.iter().zip(vehicle) {
-            let k = ["x", "y", "z"].iter().position(|n| axis.ends_with(n)).unwrap();
-            out[k] = if axis.starts_with('-') { -value } else { value };
-        }
-        out
-    }
-
-    /// A vehicle that speeds up, slows down and turns; its speed, turn and acceleration.
-    fn motion(t: f64) -> [f64; 3] {
-        [8.0 + 3.0 * (0.3 * t).sin(), 0.2 * (0.17 * t).sin(), 0.9 * (0.3 * t).cos()]
-    }
-
-    /// The 24 right-handed sets of axes, each with gravity on the axis that points down.
-    #[test]
-    fn every_turn_of_an_inertial_unit_is_found() {
-        let mut found = std::collections::BTreeSet::new();
-        for (k, sign) in (0..6).map(|k| (k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })) {
-            let mut force = [0.0; 3];
-            force[k] = -9.81 * sign;
-            for quarter in 0..4 {
-                let axes = named(force, quarter).unwrap();
-                let (mut imu, mut rows, mut course) = (Senses::default(), Vec::new(), 0.0_f64);
-                for step in 1..12_000 {
-                    let t = 0.01 * f64::from(step);
-                    let [speed, turn, acceleration] = motion(t);
-                    course += 0.01 * turn;
-                    let rate = turned(&axes, [0.0, 0.0, turn]);
-                    let force = turned(&axes, [acceleration, speed * turn, -9.81]);
-                    imu.add(t, 0.01, rate, force);
-                    if step % 20 == 0 {
-                        rows.push([t, speed * course.cos(), speed * course.sin()]);
-                    }
-                }
-                let Mounted { turn, sense } = against_course(&imu, force, &rows).unwrap();
-                let quarters = quarters(turn).unwrap();
-                assert_eq!(named(force, quarters).unwrap(), axes, "{turn:?}");
-                assert_eq!(sense, Sense::Right);
-                found.insert(axes);
-            }
-        }
-        assert_eq!(found.len(), 24);
-    }
-
-    #[test]
-    fn negative_rates_negative_forces_and_left_handed_axes_are_found_by_the_course() {
-        for (rates, forces, right, sense) in [
-            (-1.0, 1.0, 1.0, Sense::Rates),
-            (1.0, -1.0, 1.0, Sense::Forces),
-            (1.0, 1.0, -1.0, Sense::LeftHanded),
-            (1.0, 1.0, 1.0, Sense::Right),
-        ] {
-            let (mut imu, mut rows, mut course) = (Senses::default(), Vec::new(), 0.0_f64);
-            for step in 1..12_000 {
-                let t = 0.01 * f64::from(step);
-                let [speed, turn, acceleration] = motion(t);
-                course += 0.01 * turn;
-                let force = [acceleration, right * speed * turn, -9.81].map(|f| forces * f);
-                imu.add(t, 0.01, [0.0, 0.0, rates * turn], force);
-                if step % 20 == 0 {
-                    rows.push([t, speed * course.cos(), speed * course.sin()]);
-                }
-            }
-            let found = against_course(&imu, [0.0, 0.0, -9.81 * forces], &rows).unwrap();
-            assert_eq!(found.sense, sense, "{found:?}");
-        }
-    }
-
-    #[test]
-    fn a_vehicle_that_never_turns_shows_no_mirror() {
-        let (mut imu, mut rows) = (Senses::default(), Vec::new());
-        for step in 1..12_000 {
-            let t = 0.01 * f64::from(step);
-            let [speed, _, acceleration] = motion(t);
-            imu.add(t, 0.01, [0.0; 3], [acceleration, 0.0, -9.81]);
-            if step % 20 == 0 {
-                rows.push([t, speed, 0.0]);
-            }
-        }
-        let found = against_course(&imu, [0.0, 0.0, -9.81], &rows).unwrap();
-        assert_eq!(found.sense, Sense::Right, "{found:?}");
-    }
-
-    #[test]
-    fn the_mounting_of_a_velocity_log_is_found_at_any_angle() {
-        for angle in [0.0, 0.3, 2.356, -1.9, 3.1] {
-            let (mut imu, mut rows) = (Inertial::default(), Vec::new());
-            for step in 1..9000 {
-                let t = 0.01 * f64::from(step);
-                let [speed, turn, acceleration] = motion(t);
-                imu.add(t, 0.01, [0.0, 0.0, turn], [acceleration, speed * turn, -9.81]);
-                let (sin, cos) = f64::sin_cos(angle);
-                // the body sees the log turned by the angle
-                if step % 20 == 0 {
-                    rows.push([t, speed * cos, -speed * sin, 0.0]);
-                }
-            }
-            let turn = of_log(&imu, [0.0, 0.0, -9.81], &rows).unwrap();
-            let error = (turn.angle - angle + PI).rem_euclid(TAU) - PI;
-            assert!(error.abs() < 4.0 * turn.sigma + 0.02, "{angle}: {turn:?}");
-        }
-    }
-
-    #[test]
-    fn a_vehicle_at_rest_shows_no_turn_and_a_tilted_unit_no_axis() {
-        let mut imu = Senses::default();
-        (1..3000).for_each(|k| imu.add(0.01 * f64::from(k), 0.01, [0.0; 3], [0.0, 0.0, -9.81]));
-        let rows: Vec<[f64; 3]> = (0..100).map(|k| [0.2 * f64::from(k), 0.0, 0.0]).collect();
-        assert_eq!(against_course(&imu, [0.0, 0.0, -9.81], &rows), None);
-        assert_eq!(named([5.0, 5.0, -6.0], 0), None);
-        let before = ["y", "-x", "z"].map(str::to_owned);
-        assert_eq!(["-x", "-y", "z"].map(|axis| composed(&before, axis)), ["-y", "x", "z"]);
-    }
-}
+mod tests;

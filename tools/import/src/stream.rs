@@ -1,12 +1,15 @@
 //! What the samples of a sensor show.
 
-use crate::axes::{self, Mounted, Senses, Turn};
-use crate::beams::{Aimed, Beams, Row};
+mod motion;
+
+use crate::axes::{self, Mounted, Turn};
+use crate::beams::{Aimed, Beams};
 use crate::clocks::{self, ClockOffset, Measured};
 use crate::earth;
 use crate::sums::Sums;
-use crate::track::{RADIUS, Track};
+use crate::track::RADIUS;
 use crate::vertical;
+use motion::Motion;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
@@ -79,103 +82,6 @@ pub struct StreamSurvey {
     /// Twice the logarithm of the likelihood by which the accelerations are those of a log whose second axis points the
     /// other way.
     pub against_right: f64,
-}
-
-/// The motion that a sensor measures, for the comparison of clocks.
-enum Motion {
-    None,
-    /// Indices of the first gyro and of the first accelerometer; set for increments.
-    Inertial(Box<Senses>, [usize; 2], bool),
-    /// Index of the first of three velocities.
-    Velocity(Measured, usize),
-    /// Index of the heading.
-    Heading(Measured, usize),
-    /// Indices of the velocities north and east.
-    Course(Measured, [usize; 2]),
-    /// Indices of latitude and longitude, whose changes are a velocity.
-    Place(Measured, [usize; 2], Track),
-    /// Time and depth.
-    Depth(Vec<[f64; 2]>),
-    /// Number of the beams, and the velocities along them.
-    Beams(usize, Vec<Row>),
-}
-
-impl Motion {
-    fn of(survey: &StreamSurvey) -> Self {
-        let at = |name| survey.channel(name);
-        if let Some((gyro, accel)) = at("gyro_x").zip(at("accel_x")) {
-            Self::Inertial(Box::default(), [gyro, accel], false)
-        } else if let Some((gyro, accel)) = at("dtheta_x").zip(at("dvel_x")) {
-            Self::Inertial(Box::default(), [gyro, accel], true)
-        } else if let Some(first) = at("vel_x") {
-            Self::Velocity(Measured::Velocity(Vec::new()), first)
-        } else if let Some(k) = at("yaw").or_else(|| at("heading")) {
-            Self::Heading(Measured::Heading(Vec::new()), k)
-        } else if let Some((north, east)) = at("vel_n").zip(at("vel_e")) {
-            Self::Course(Measured::Ground(Vec::new()), [north, east])
-        } else if let Some((lat, lon)) = at("lat").zip(at("lon")) {
-            Self::Place(Measured::Ground(Vec::new()), [lat, lon], Track::default())
-        } else if at("depth") == Some(0) {
-            Self::Depth(Vec::new())
-        } else if at("beam_3").is_some() {
-            Self::Beams(if at("beam_4").is_some() { 4 } else { 3 }, Vec::new())
-        } else {
-            Self::None
-        }
-    }
-
-    fn take(&mut self, sample: &Sample, interval: f64) {
-        let time = sample.time.seconds();
-        match self {
-            Self::None => {}
-            Self::Inertial(inertial, [gyro, accel], increments) => {
-                let both = sample.array::<3>(*gyro).zip(sample.array::<3>(*accel));
-                if let Some((rate, force)) = both.filter(|_| interval > 0.0) {
-                    let scale = if *increments { 1.0 / interval } else { 1.0 };
-                    let [rate, force] = [rate, force].map(|v| v.map(|x| x * scale));
-                    inertial.add(time, interval, rate, force);
-                }
-            }
-            Self::Velocity(measured, first) => {
-                if let Some(velocity) = sample.array(*first) {
-                    measured.velocity(time, velocity);
-                }
-            }
-            Self::Heading(measured, k) => {
-                if let Some(heading) = sample.get(*k) {
-                    measured.heading(time, heading);
-                }
-            }
-            Self::Course(measured, [north, east]) => {
-                if let Some((north, east)) = sample.get(*north).zip(sample.get(*east)) {
-                    measured.ground(time, north, east);
-                }
-            }
-            Self::Depth(rows) => rows.extend(sample.get(0).map(|depth| [time, depth])),
-            Self::Beams(count, rows) => {
-                let mut row = [0.0; 4];
-                let whole = (0..*count).all(|k| sample.get(k).map(|v| row[k] = v).is_some());
-                rows.extend(whole.then_some((time, row)));
-            }
-            Self::Place(measured, [lat, lon], track) => {
-                let fix = sample.get(*lat).zip(sample.get(*lon));
-                let moved = fix.and_then(|(lat, lon)| track.add(time, lat, lon));
-                if let Some([middle, north, east]) = moved {
-                    measured.ground(middle, north, east);
-                }
-            }
-        }
-    }
-
-    fn measured(&self) -> Option<&Measured> {
-        match self {
-            Self::Velocity(measured, _)
-            | Self::Heading(measured, _)
-            | Self::Course(measured, _)
-            | Self::Place(measured, ..) => Some(measured),
-            Self::None | Self::Inertial(..) | Self::Depth(_) | Self::Beams(..) => None,
-        }
-    }
 }
 
 /// A sensor while its samples are read.
@@ -439,7 +345,19 @@ fn compare(running: &mut [Running], beams: Option<&Beams>) {
             one.survey.aimed = force.and_then(|force| beams.aim(rows, imu.as_they_are(), force));
         }
         let Some(measured) = one.motion.measured() else { continue };
-        one.survey.clock = clocks::compare(imu.as_they_are(), measured);
+        let clock = |measured| clocks::compare(imu.as_they_are(), measured);
+        let place = match &one.motion {
+            Motion::Course(_, _, Some(place)) => place.measured().and_then(clock),
+            _ => None,
+        };
+        let (clock, lag) = clocks::of_receiver(clock(measured), place);
+        one.survey.clock = clock;
+        one.survey.warnings.extend(lag.map(|[lag, sigma]| {
+            format!(
+                "its velocities are {lag:.3} s behind its positions, sigma {sigma:.3} s, as those of a filter: \
+                 its clock is between both"
+            )
+        }));
         if let (Measured::Velocity(log), Some(depth)) = (measured, &depth) {
             one.survey.sinks = vertical::sinks(log, depth, imu.as_they_are());
         }

@@ -140,6 +140,21 @@ impl Measured {
         }
     }
 
+    /// The weight of a difference: the noise of a course is that of the velocity divided by the speed.
+    pub(super) fn weight(&self, [a, b]: Pair) -> f64 {
+        let Self::Ground(rows) = self else { return 1.0 };
+        let speed = |k: usize| rows.get(k).map_or(0.0, |row| row[1].hypot(row[2]));
+        speed(a).min(speed(b))
+    }
+
+    /// The number of axes along which differences are compared.
+    pub(super) fn axes(&self) -> usize {
+        match self {
+            Self::Velocity(_) => 2,
+            Self::Heading(_) | Self::Ground(_) => 1,
+        }
+    }
+
     /// The words for the two quantities that are compared.
     pub(super) fn means(&self) -> &'static str {
         match self {

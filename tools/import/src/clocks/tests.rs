@@ -25,13 +25,34 @@ fn motion(t: f64) -> [f64; 4] {
     [heading, turn, speed, 0.12 * c.cos() + 0.039 * d.cos()]
 }
 
+/// Noise whose values are correlated over a time, with the variance one.
+struct Coloured {
+    share: f64,
+    value: f64,
+}
+
+impl Coloured {
+    fn new(interval: f64, time: f64) -> Self {
+        Self { share: (-interval / time).exp(), value: 0.0 }
+    }
+
+    fn next(&mut self, noise: &mut Noise) -> f64 {
+        let white = (1.0 - self.share * self.share).sqrt() * noise.next();
+        self.value = self.share * self.value + white;
+        self.value
+    }
+}
+
 /// An IMU that rolls with waves, for this many seconds.
 fn imu(seconds: u32, noise: &mut Noise) -> Inertial {
     let mut imu = Inertial::default();
     for k in 1..=100 * seconds {
         let t = 0.01 * f64::from(k);
-        let [_, turn, speed, acceleration] = motion(t);
-        let (roll, roll_rate) = (0.05 * (0.8 * t).sin(), 0.04 * (0.8 * t).cos());
+        // the mean of the interval that ends at t
+        let middle = t - 0.005;
+        let [_, turn, speed, acceleration] = motion(middle);
+        let wave = 0.8 * middle;
+        let (roll, roll_rate) = (0.05 * wave.sin(), 0.04 * wave.cos());
         // psi' about the vertical, seen from the rolled vehicle; centripetal force to the right
         let rate = [roll_rate, turn * roll.sin(), turn * roll.cos()];
         let side = turn * speed;
@@ -70,12 +91,57 @@ fn offset_and_drift_of_a_velocity_log_and_a_compass_are_found_within_their_sigma
         }
         for (measured, least) in [(&dvl, 0.05), (&compass, 0.02)] {
             let found = compare(&imu, measured).unwrap();
-            let ([tau, sigma], [slope, slope_sigma]) = (found.offset, found.drift.unwrap());
+            let ([tau, sigma], [slope, slope_sigma]) = (found.offset, found.drift);
             println!("{offset} {drift}: {found:?}");
             // four sigma: 1 in 16 000 for each of twelve comparisons
             assert!(sigma < least && (tau - offset).abs() < 4.0 * sigma, "{found:?}");
             assert!((slope - drift).abs() < 4.0 * slope_sigma, "{found:?}");
             assert_eq!(found.matters(), offset != 0.0, "{found:?}");
+        }
+    }
+}
+
+/// The noise of a receiver, a velocity log and a compass is white, or lasts for seconds. The antenna and the log are a metre
+/// ahead of the IMU, and the compass has a deviation.
+#[test]
+fn the_error_of_an_offset_is_that_of_its_sigma_for_white_and_coloured_noise() {
+    let (offset, seconds, draws) = (0.3, 300, 12);
+    for time in [1e-3, 3.0] {
+        let mut ratios = [const { Vec::new() }; 3];
+        for draw in 0..draws {
+            let mut noise = Noise(1000 * draw + 7);
+            let imu = imu(seconds, &mut noise);
+            let mut log = Measured::Velocity(Vec::new());
+            let mut compass = Measured::Heading(Vec::new());
+            let mut receiver = Measured::Ground(Vec::new());
+            let [hard, iron] = [0.05 * noise.next(), 0.05 * noise.next()];
+            let mut errors = [(); 6].map(|()| Coloured::new(0.5, time));
+            for k in 20..2 * seconds - 20 {
+                let t = 0.5 * f64::from(k);
+                let [heading, turn, speed, _] = motion(t - offset);
+                let [x, y, z, psi, north, east] = errors.each_mut().map(|e| e.next(&mut noise));
+                log.velocity(t, [speed + 0.01 * x, turn + 0.01 * y, 0.01 * z]);
+                let deviation = hard * heading.sin() + iron * heading.cos();
+                compass.heading(t, heading + deviation + 0.01 * psi);
+                let (sin, cos) = heading.sin_cos();
+                let [ahead, right] = [speed, turn];
+                receiver.ground(
+                    t,
+                    ahead * cos - right * sin + 0.02 * north,
+                    ahead * sin + right * cos + 0.02 * east,
+                );
+            }
+            for (ratios, measured) in ratios.iter_mut().zip([&log, &compass, &receiver]) {
+                let [found, sigma] = compare(&imu, measured).unwrap().offset;
+                ratios.push((found - offset) / sigma);
+            }
+        }
+        for ratios in ratios {
+            let square = ratios.iter().map(|r: &f64| r * r).sum::<f64>() / f64::from(draws as u32);
+            println!("{time} s: {:.2} {ratios:.1?}", square.sqrt());
+            // the scatter of 12 numbers is itself uncertain by a fifth; the weights of the covariances leave white noise
+            // of samples, whose differences cancel, a part of its variance
+            assert!((0.4..1.5).contains(&square.sqrt()), "{ratios:?}");
         }
     }
 }
@@ -98,4 +164,19 @@ fn a_straight_course_does_not_show_the_clock() {
         dvl.velocity(f64::from(k), [1.5, 0.0, 0.0].map(|v| v + 0.01 * noise.next()));
     }
     assert_eq!(compare(&imu, &dvl), None);
+}
+
+#[test]
+fn a_receiver_whose_velocities_are_late_has_a_clock_between_both() {
+    let clock = |offset, sigma| {
+        Some(ClockOffset { offset: [offset, sigma], drift: [0.0, 1e-3], means: "courses" })
+    };
+    // the recorded drive: velocities of a filter beside positions by carrier phases
+    let (found, lag) = of_receiver(clock(0.198, 0.048), clock(-0.062, 0.016));
+    let [offset, sigma] = found.unwrap().offset;
+    assert!((offset - 0.068).abs() < 1e-9 && (sigma - 0.132).abs() < 1e-3, "{offset} {sigma}");
+    assert!((lag.unwrap()[0] - 0.26).abs() < 1e-9);
+    let coarse = clock(0.3, 0.2);
+    assert_eq!(of_receiver(clock(0.02, 0.03), coarse), (clock(0.02, 0.03), None));
+    assert_eq!(of_receiver(None, coarse), (coarse, None));
 }
