@@ -77,9 +77,9 @@ fn search(differences: &Differences, range: [f64; 2]) -> Option<f64> {
 /// Compares the clock of a sensor with that of the IMU; `None` if the motion does not show it.
 pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
     let spaced = measured.spaced();
-    // neighbours of the means of some share samples
+    // means that share no samples; the changes between them share those of both means
     let smoothed = || {
-        let compared = compare_apart(imu, &spaced.smoothed()?, 1, MEAN)?;
+        let compared = compare_apart(imu, &spaced.smoothed()?, MEAN, 2 * MEAN)?;
         Some(compared).filter(|clock| clock.offset[1] < SHARP)
     };
     let apart = || compare_apart(imu, &spaced, APART, APART);
@@ -113,13 +113,14 @@ fn compare_apart(
 
 /// The clock of a receiver by its velocities and by its positions: of two that agree the better one. A receiver that
 /// filters its velocities reports them late. Its clock is between both then, with half of the difference as its
-/// sigma, and the seconds by which the velocities are late, with the 1-sigma, are the second result.
+/// sigma, and the seconds by which the velocities are late, with the 1-sigma, are the second result. Positions have
+/// more noise, so that a clock that velocities do not show is a false one: negative rates may fit at another time.
 pub fn of_receiver(
     velocity: Option<ClockOffset>,
     position: Option<ClockOffset>,
 ) -> (Option<ClockOffset>, Option<[f64; 2]>) {
     let (Some(fast), Some(place)) = (velocity, position) else {
-        return (velocity.or(position), None);
+        return (velocity, None);
     };
     let better = if place.offset[1] < fast.offset[1] { place } else { fast };
     let lag = [fast.offset[0] - place.offset[0], fast.offset[1].hypot(place.offset[1])];

@@ -157,15 +157,15 @@ impl<'a> Differences<'a> {
     /// Finds the offset and the drift, from a first offset on.
     pub fn line(&self, start: f64, apart: usize, shared: usize) -> Option<Line> {
         let middle = 0.5 * (self.times.first()? + self.times.last()?);
-        let others = self.measured.others(self.imu, start);
-        let others: Vec<Differences<'_>> =
-            others.iter().map(|other| Differences::new(self.imu, other, apart, start)).collect();
         let (mut at, mut line) = ([start, 0.0], None);
         for _ in 0..ROUNDS {
+            let others = self.measured.others(self.imu, at[0]);
+            let of = |other| Differences::new(self.imu, other, apart, start);
+            let others: Vec<Differences<'_>> = others.iter().map(of).collect();
             let rows = self.rows(&others, middle, at);
             let found = self.solve(&rows, at, shared)?;
-            at = [0, 1].map(|k| [found.offset, found.drift][k][0]);
-            at[0] = at[0].clamp(start - CHANGE, start + CHANGE);
+            let [offset, drift] = [found.offset[0], found.drift[0]];
+            at = [offset.clamp(at[0] - CHANGE, at[0] + CHANGE), drift];
             line = Some(found);
         }
         line
