@@ -95,7 +95,7 @@ pub(crate) fn products_matter(composition: &Composition) -> bool {
         let block = blocks.iter().find(|block| block.tangent_range().contains(&i));
         block.map_or(0.0, |block| block.spec.sigma[i - block.tangent_range().start].powi(2))
     };
-    matters_later(largest(composition, |product| product.weight(&variance)))
+    matters_later(largest(composition, |product| product.weight(variance)))
 }
 
 #[cfg(test)]
