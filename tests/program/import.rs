@@ -286,9 +286,11 @@ fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     let files = [drive.join("imu.csv"), solution.join("drive_0708.pos")];
     let (scenario, text, printed) =
         import(recording.folder(), &files.each_ref().map(|f| f.as_path()), &[]);
-    // the clocks of both instruments differ by about 0.1 s
+    // the clocks differ by 0.03 to 0.06 s, which `scenarios/drive.toml` finds. The velocities of this solution are
+    // 0.14 s late beside its positions, and the sigma contains both.
     let [offset, sigma] = clock(&printed, "gnss");
-    assert!((offset - 1_752_003_222.0).abs() < 0.15 && sigma < 0.02, "{offset} +- {sigma}");
+    assert!((offset - 1_752_003_222.045).abs() < 0.05, "{offset} +- {sigma}");
+    assert!((0.07..0.2).contains(&sigma), "{offset} +- {sigma}");
     assert!(text.contains("scale = \"gps\""), "{text}");
     let row = printed.lines().find(|l| l.trim_start().starts_with("gnss ")).expect("a row");
     assert!(row.contains("2197") && row.contains("4.0000 Hz"), "{row}");
