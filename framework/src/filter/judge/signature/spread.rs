@@ -113,6 +113,13 @@ mod tests {
         assert!(weights[5..].iter().all(|weight| (1.0 / 9.0..=1.0).contains(weight)));
     }
 
+    /// The mean square of changes of one is a half. The outlier is followed by a sample like those before it.
+    #[test]
+    fn an_outlier_is_no_noise() {
+        let sizes = (0..100).map(|k| f64::from(k % 2)).chain([1000.0, 0.0]);
+        assert_eq!(weights(sizes)[101], 1.0);
+    }
+
     /// Innovations of +-0.7 change by 1.4, whose mean square is 1. One outlier in fifty samples of a size
     /// that is clipped at 9 would make it 1.3.
     #[test]
