@@ -1,6 +1,7 @@
 //! The columns of the time and the channels of a sensor, and their conversion to SI.
 
 use crate::config::{Column, FileConfig, Notation};
+use crate::coordinates::coordinates;
 use crate::headings::Wanted;
 use crate::map::{Local, Map, Zone};
 use crate::stamp::TimeCell;
@@ -85,6 +86,11 @@ impl ChannelCell {
                 let one = number(0).is_nan();
                 let cells = [cell(0), cell(1), cell(2)];
                 degrees(if one { &cells[..1] } else { &cells }).unwrap_or(f64::NAN)
+            }
+            Notation::LatitudeLongitude | Notation::LongitudeLatitude => {
+                let reversed = self.notation == Notation::LongitudeLatitude;
+                let pair = coordinates(&crate::text::text(cell(0)), reversed);
+                pair.map_or(f64::NAN, |pair| pair[self.axis.min(1)])
             }
             Notation::EarthFixed => {
                 let point = Vector3::new(number(0), number(1), number(2));
@@ -185,6 +191,7 @@ pub fn channel_cells(
         let si = if pressure.is_some() { "Pa" } else { si };
         let notation = given.map_or_else(Notation::default, |g| g.notation);
         let earth_fixed = notation == Notation::EarthFixed;
+        let pair = [Notation::LatitudeLongitude, Notation::LongitudeLatitude].contains(&notation);
         let zone = given.and_then(|g| g.zone.as_deref());
         let origin = given.and_then(|g| g.origin.as_ref());
         let mapped = earth_fixed || zone.is_some() || origin.is_some();
@@ -202,14 +209,14 @@ pub fn channel_cells(
         let place = |names: &[&str]| names.iter().position(|name| *name == &*c.name);
         let course = given.and_then(|g| g.course.as_ref());
         let axis = match course {
-            _ if zone.is_some() => place(&POSITION[..2]),
+            _ if zone.is_some() || pair => place(&POSITION[..2]),
             _ if earth_fixed || origin.is_some() => place(&POSITION),
             Some(_) => place(&COURSE),
             None => Some(0),
         };
         let Some(axis) = axis else {
-            let message = "lat, lon and height may be earth-fixed or have an origin, lat and lon a zone, \
-                           vel_n and vel_e a course";
+            let message = "lat, lon and height may be earth-fixed or have an origin, lat and lon a zone or \
+                           one text with both, vel_n and vel_e a course";
             return Err(StreamError::scenario(format!("{key}: {message}")));
         };
         let index = |heading: &String| {

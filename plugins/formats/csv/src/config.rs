@@ -62,7 +62,7 @@ pub struct FileConfig {
     /// Headings of the columns, for a file without a line of headings. Default: the first line.
     pub headings: Option<Vec<String>>,
     /// Set if each row names its values: objects of JSON, one after another or in an array, and lines
-    /// such as `t=0.01 gx: 0.2`. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
+    /// such as `t=0.01 gx: 0.2`, and points of GPX, TCX and KML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
     /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
     pub labels: bool,
     /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
@@ -75,6 +75,9 @@ pub struct FileConfig {
     /// Numbers that stand for no measurement, as the cells have them, such as `[-32768, 99.999]`. A channel
     /// with one of them is missing in that sample. Default: none.
     pub missing: Vec<f64>,
+    /// Texts that may stand after the numbers of the cells, with a space before them, such as `["sec", "deg/s"]`:
+    /// the same one in all cells of a column. Default: none.
+    pub suffixes: Vec<String>,
     /// A row whose channels are those of the row before is no new sample, as where a program repeats
     /// the newest fix in each row. Default: false.
     pub changes_only: bool,
@@ -101,6 +104,7 @@ impl Default for FileConfig {
             rows: BTreeMap::new(),
             valid: None,
             missing: Vec::new(),
+            suffixes: Vec::new(),
             changes_only: false,
             disorder: Disorder::default(),
             nan: Nan::default(),
@@ -189,8 +193,8 @@ pub struct Column {
     pub plus: Option<String>,
     /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
-    /// Notation of a position: `decimal` (default), `degrees-minutes`, `degrees-minutes-seconds` or
-    /// `earth-fixed`.
+    /// Notation of a position: `decimal` (default), `degrees-minutes`, `degrees-minutes-seconds`,
+    /// `earth-fixed`, or `latitude-longitude` and `longitude-latitude` for a column with both.
     #[serde(default)]
     pub notation: Notation,
 }
@@ -221,6 +225,11 @@ pub enum Notation {
     DegreesMinutesSeconds,
     /// Coordinates x, y, z of Earth-fixed axes, in three columns from this one on, in m.
     EarthFixed,
+    /// Latitude and longitude in one text, such as `57.1 N 11.9 E`, `57°06.0'N 011°54.0'E`, `57.1, 11.9` or
+    /// `POINT (11.9 57.1)`.
+    LatitudeLongitude,
+    /// The same with the longitude first, such as `11.9, 57.1`.
+    LongitudeLatitude,
 }
 
 /// The column of the time.
@@ -245,6 +254,8 @@ pub struct TimeColumn {
     pub fields: Option<[String; 5]>,
     /// Heading of the column of nanoseconds that are added to the column of the time. Default: none.
     pub nanos: Option<String>,
+    /// Unit of this column, such as `ms`. Default: ns.
+    pub nanos_unit: Option<UnitName>,
     /// Heading of the column of the date, where the column of the time has the time of the day.
     /// Default: none.
     pub date: Option<String>,

@@ -1,11 +1,13 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
-//! array, lines such as `t=0.01 gx: 0.2`, and YAML.
+//! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX,
+//! TCX and KML.
 
+use crate::paths::{bounded, join};
+use crate::wrapped;
+use crate::xml;
 use crate::yaml;
-use std::io::{BufRead, BufReader, Chain, Cursor, Error, ErrorKind, Read, Result};
+use std::io::{BufRead, BufReader, Chain, Cursor, Read, Result};
 
-/// Largest length of a record, in bytes.
-const LONGEST: usize = 1 << 20;
 /// Bytes by which the form is found.
 const BEGINNING: u64 = 16 * 1024;
 /// Deepest nesting of an object.
@@ -83,14 +85,6 @@ fn object(text: &str, mut found: impl FnMut(&str, &str)) {
     }
 }
 
-/// Adds a name to a path.
-pub fn join(path: &mut String, name: &str) {
-    if !path.is_empty() {
-        path.push('.');
-    }
-    path.push_str(name);
-}
-
 /// The text of a string at the beginning, with its escapes, and what follows.
 fn string(text: &str) -> (&str, &str) {
     let inner = &text[1..];
@@ -145,12 +139,21 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
     }
 }
 
-/// The records of a file: objects, lines, or parts of YAML.
+/// The form of the records.
+enum Form {
+    /// Objects of JSON, and lines.
+    Plain,
+    /// Objects in an array that an object of JSON has.
+    Wrapped(wrapped::Array),
+    Yaml(yaml::Parts),
+    Xml(xml::Points),
+}
+
+/// The records of a file: objects, lines, parts of YAML, or points of XML.
 struct Records<R> {
     file: BufReader<Chain<Cursor<Vec<u8>>, R>>,
     record: Vec<u8>,
-    /// The parts of YAML; `None` for another form.
-    yaml: Option<yaml::Parts>,
+    form: Form,
 }
 
 impl<R: Read> Records<R> {
@@ -158,26 +161,36 @@ impl<R: Read> Records<R> {
         let mut beginning = Vec::new();
         // a file that cannot be read fails again at the first record
         let _ = (&mut file).take(BEGINNING).read_to_end(&mut beginning);
-        let yaml = yaml::Parts::of(&String::from_utf8_lossy(&beginning));
+        let text = String::from_utf8_lossy(&beginning);
+        let xml = || xml::Points::of(&text).map(Form::Xml);
+        let wrapped = || wrapped::Array::of(&text).map(Form::Wrapped);
+        let form = yaml::Parts::of(&text).map(Form::Yaml).or_else(xml).or_else(wrapped);
+        let form = form.unwrap_or(Form::Plain);
         let file = BufReader::new(Cursor::new(beginning).chain(file));
-        Self { file, record: Vec::new(), yaml }
+        Self { file, record: Vec::new(), form }
     }
 
     /// Reads the next record; `false` at the end.
     fn advance(&mut self) -> Result<bool> {
-        match &mut self.yaml {
-            Some(parts) => parts.next(&mut self.file, &mut self.record),
-            None => next(&mut self.file, &mut self.record),
+        match &mut self.form {
+            Form::Yaml(parts) => parts.next(&mut self.file, &mut self.record),
+            Form::Xml(points) => points.next(&mut self.file, &mut self.record),
+            Form::Wrapped(array) => {
+                let inside = array.enter(&mut self.file)?;
+                Ok(inside && next(&mut self.file, &mut self.record)? && self.record[0] == b'{')
+            }
+            Form::Plain => next(&mut self.file, &mut self.record),
         }
     }
 
     /// Calls `found` with the path and the text of each value of the record.
     fn values(&self, found: impl FnMut(&str, &str)) {
         let record = String::from_utf8_lossy(&self.record);
-        match &self.yaml {
-            Some(_) => yaml::values(&record, found),
-            None if record.starts_with('{') => object(&record, found),
-            None => line(&record, found),
+        match &self.form {
+            Form::Yaml(_) => yaml::values(&record, found),
+            Form::Xml(_) => xml::values(&record, found),
+            _ if record.starts_with('{') => object(&record, found),
+            _ => line(&record, found),
         }
     }
 }
@@ -219,13 +232,6 @@ fn next(file: &mut impl BufRead, record: &mut Vec<u8>) -> Result<bool> {
         }
         bounded(record.len())?;
     }
-}
-
-/// Refuses a record that is too long.
-pub fn bounded(length: usize) -> Result<()> {
-    let text = || format!("a record has more than {LONGEST} bytes");
-    let error = || Error::new(ErrorKind::InvalidData, text());
-    if length > LONGEST { Err(error()) } else { Ok(()) }
 }
 
 /// The records at the beginning of a text, each with the paths and the texts of its values; empty
@@ -322,6 +328,30 @@ mod tests {
     }
 
     #[test]
+    fn objects_in_an_array_of_an_object_are_rows() {
+        let text = "{\"kind\": \"log\", \"about\": {\"n\": [1, 2]}, \"rows\": [\n{\"t\": 1, \"p\": [{\"x\": 2}]},\
+                    {\"t\": 2, \"p\": [{\"x\": 3}]}\n], \"end\": true}\n";
+        assert_eq!(table(text, &["t", "p.0.x"]), "1,2\n2,3\n");
+        let lines =
+            "{\"t\": 1, \"p\": [{\"x\": 2}, {\"x\": 4}]}\n{\"t\": 2, \"p\": [{\"x\": 3}]}\n";
+        assert_eq!(table(lines, &["t", "p.0.x"]), "1,2\n2,3\n");
+    }
+
+    #[test]
+    fn points_of_a_track_are_rows() {
+        let gpx = "<?xml version=\"1.0\"?>\n<gpx><trk><name>a</name><trkseg><trkpt lat=\"57.1\" lon='11.9'>\n\
+                   <ele>5.5</ele><time>2023-11-14T22:13:20Z</time></trkpt>\n<trkpt lon=\"12\" lat=\"57\"/></trkseg>";
+        let rows = "57.1,11.9,5.5,2023-11-14T22:13:20Z\n57,12,,\n";
+        assert_eq!(table(gpx, &["lat", "lon", "ele", "time"]), rows);
+        let tcx = "<TrainingCenterDatabase><Trackpoint><Time>t</Time><Position><LatitudeDegrees>1</LatitudeDegrees>\
+                   </Position></Trackpoint>";
+        assert_eq!(table(tcx, &["Time", "Position.LatitudeDegrees"]), "t,1\n");
+        let kml = "<kml><gx:Track><when>a</when><when>b</when><gx:coord>11.9 57.1 5</gx:coord>\
+                   <gx:coord>12 57 6</gx:coord></gx:Track></kml>";
+        assert_eq!(table(kml, &["time", "lat", "lon", "alt"]), "a,57.1,11.9,5\nb,57,12,6\n");
+    }
+
+    #[test]
     fn lines_name_their_values_after_a_stamp_and_a_kind() {
         let dump = "2023-11-14 22:13:20.01: IMU {TimeUS : 10, GyrX : -0.1}\n";
         let headings = ["stamp", "kind", "TimeUS", "GyrX"];
@@ -347,7 +377,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn any_text_has_rows_or_an_error(text in "([{}\\[\\]\",:= \n\\\\]|a: |- |---\n|1|é|null)*") {
+        fn any_text_has_rows_or_an_error(text in "(<\\?xml|<trkpt|</trkpt>|<when>|</when>|</coord>)?([{}\\[\\]\",:= <>/\n\\\\]|a: |- |---\n|1|é|null)*") {
             for row in records(&text) {
                 prop_assert!(row.len() <= text.len());
             }

@@ -30,15 +30,18 @@ pub struct TimeCell {
     offset: Span,
 }
 
+/// A column that is added to a time, and its unit in nanoseconds.
+type Part = (usize, u64);
+
 /// The content of the columns.
 enum Form {
-    /// A number in this unit, in nanoseconds, and the column of nanoseconds that are added.
-    Number(u64, Option<usize>),
+    /// A number in this unit, in nanoseconds, and what is added.
+    Number(u64, Option<Part>),
     /// A date with a time of the day; the date may stand in a column of its own. With `true` on the
     /// scale of GPS.
     Date(Option<usize>, Order, bool),
-    /// Columns of year, month, day, hour and minute.
-    Fields([usize; 5], bool),
+    /// Columns of year, month, day, hour and minute, and what is added.
+    Fields([usize; 5], Option<Part>, bool),
     /// A time of the day.
     Day,
     /// Days since a date, which is this number of days before 1970. With `true` on the scale of GPS.
@@ -79,6 +82,11 @@ impl TimeCell {
                 Wanted { name: "time", si: "", column, unit: None, key: &key, others: &others };
             wanted.find(headings).map(|found| found.index)
         };
+        let part = || {
+            let column = given.nanos.as_deref().map(text).transpose()?;
+            let unit = given.nanos_unit.map_or(1.0, |u| u.0.to_si(1e9));
+            Ok::<_, StreamError>(column.map(|column| (column, unit.round().max(1.0) as u64)))
+        };
         let contradicts = |what: &str| Err(StreamError::scenario(format!("{key}.{what}")));
         let gps = given.scale == Some(Scale::Gps);
         let named = given.column.as_deref().unwrap_or("time");
@@ -105,7 +113,9 @@ impl TimeCell {
                 let date = date.as_deref().map(text).transpose()?;
                 (text(named)?, Form::Date(date, given.order, gps))
             }
-            _ if given.fields.is_some() => (text(named)?, Form::Fields(fields(given, text)?, gps)),
+            _ if given.fields.is_some() => {
+                (text(named)?, Form::Fields(fields(given, text)?, part()?, gps))
+            }
             _ if given.scale.is_some() || given.origin.is_some() => {
                 return contradicts(
                     "scale, origin: a number has no date; set `offset`, or format = \"date-time\"",
@@ -114,7 +124,7 @@ impl TimeCell {
             (None, _, TimeFormat::TimeOfDay) => (text(named)?, Form::Day),
             _ => {
                 let (column, unit) = number()?;
-                (column, Form::Number(unit, given.nanos.as_deref().map(text).transpose()?))
+                (column, Form::Number(unit, part()?))
             }
         };
         let offset = time::from_seconds(given.offset.map_or(0.0, |o| o.si()));
@@ -127,9 +137,11 @@ impl TimeCell {
     /// Tests whether the time uses a column.
     pub fn uses(&self, column: usize) -> bool {
         let other = match self.form {
-            Form::Number(_, nanos) => nanos == Some(column),
+            Form::Number(_, part) => part.is_some_and(|(k, _)| k == column),
             Form::Date(date, ..) => date == Some(column),
-            Form::Fields(fields, _) => fields.contains(&column),
+            Form::Fields(fields, part, _) => {
+                fields.contains(&column) || part.is_some_and(|(k, _)| k == column)
+            }
             Form::Day | Form::Days(..) => false,
             Form::Week(week, ..) => week == column,
         };
@@ -181,11 +193,14 @@ impl TimeCell {
         let cell = |column: usize| record.get(column).unwrap_or_default().trim_ascii();
         let here = cell(self.column);
         let utc = |nanos: i64, gps: bool| if gps { calendar::utc_of_gps(nanos) } else { nanos };
+        let more = |part: Option<Part>| {
+            part.map_or(Ok(0), |(k, unit)| time::parse(cell(k), unit).map(Time::nanos))
+        };
         let nanos = match self.form {
             Form::Number(unit, None) => return Ok(time::parse(here, unit)? + self.offset),
-            Form::Number(unit, Some(nanos)) => {
-                let more = time::parse(cell(nanos), 1)?.nanos();
-                return Ok(time::parse(here, unit)? + Span::from_nanos(more) + self.offset);
+            Form::Number(unit, part) => {
+                let more = Span::from_nanos(more(part)?);
+                return Ok(time::parse(here, unit)? + more + self.offset);
             }
             Form::Day => {
                 let text = std::str::from_utf8(here).ok().and_then(time_of_day);
@@ -200,9 +215,9 @@ impl TimeCell {
                 let nanos = date_and_time(date.map(cell), here, order);
                 utc(nanos.ok_or(TimeError::NotANumber)?, gps)
             }
-            Form::Fields(fields, gps) => {
+            Form::Fields(fields, part, gps) => {
                 let midnight = minute_of(fields.map(cell)).ok_or(TimeError::NotANumber)?;
-                let since = time::parse(here, 1_000_000_000)?.nanos();
+                let since = time::parse(here, 1_000_000_000)?.nanos() + more(part)?;
                 utc(midnight.checked_add(since).ok_or(TimeError::TooLarge)?, gps)
             }
             Form::Week(week, unit, gps) => {

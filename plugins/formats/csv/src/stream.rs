@@ -7,6 +7,7 @@ use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
 use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
 use crate::counter::Counter;
 use crate::stamp::TimeCell;
+use crate::suffixes::Suffixes;
 use crate::tail;
 use crate::text::text;
 use crate::time::{self, TimeError};
@@ -62,6 +63,7 @@ pub struct Stream {
     rows: Vec<(usize, String)>,
     judge: Judge,
     turned: Turned,
+    suffixes: Suffixes,
     status: Status,
     /// A note on the channels without a column.
     note: Option<(Level, String)>,
@@ -154,6 +156,7 @@ impl Stream {
             rows,
             judge: Judge::new(info),
             turned: Turned::new(config, info),
+            suffixes: Suffixes::new(&config.suffixes),
             status,
             note,
             disorder: config.disorder,
@@ -270,6 +273,8 @@ impl Stream {
             Err(_) if cell(self.time.column) == self.headings[self.time.column].as_bytes() => {
                 return Ok(Row::Empty);
             }
+            // a row of another sensor, which has a stamp of its own
+            Err(_) if self.has_nothing() => return Ok(Row::Empty),
             time => time.map_err(|e| self.no_time(e))?,
         };
         let (time, period) = self.counter.time(&self.time, time);
@@ -306,6 +311,12 @@ impl Stream {
         }
         self.last = self.changes_only.then_some(*sample);
         Ok(Row::Sample)
+    }
+
+    /// Tests whether the cells of the time and of all channels are empty.
+    fn has_nothing(&self) -> bool {
+        let mut columns = self.channels.iter().map(|c| c.column).chain([self.time.column]);
+        columns.all(|k| self.record.get(k).unwrap_or_default().trim_ascii().is_empty())
     }
 
     /// Tests whether a sample has the values of the last one.

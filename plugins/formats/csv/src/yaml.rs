@@ -1,7 +1,7 @@
 //! YAML as rows that name their values: a list of records, or documents that `---` separates, as
 //! `ros2 topic echo` writes them.
 
-use crate::labelled::{bounded, join};
+use crate::paths::{bounded, join};
 use std::io::{BufRead, Read, Result};
 
 /// Number of lines that are looked at, and the share of them that must look like YAML.

@@ -16,6 +16,7 @@ impl Stream {
             let plain = |cell: &[u8]| ungrouped(cell).unwrap_or_else(|| cell.to_vec());
             self.record = self.record.iter().map(plain).collect();
         }
+        self.suffixes.remove(&mut self.record);
         Ok(more)
     }
 

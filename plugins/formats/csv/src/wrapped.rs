@@ -1,0 +1,84 @@
+//! Objects of JSON in an array that one object has: `{"name": "dive", "samples": [{...}, {...}]}`.
+
+use std::io::{BufRead, Result};
+
+/// Least number of objects of an array whose object ends at the beginning of a file.
+const SEVERAL: usize = 2;
+
+/// The brackets of JSON that are open.
+#[derive(Clone, Debug, Default)]
+struct Brackets {
+    depth: usize,
+    quoted: bool,
+    escaped: bool,
+    /// Depth of an array that begins, until its first value.
+    array: Option<usize>,
+}
+
+impl Brackets {
+    /// Takes a byte; `true` where the first object of an array of the outermost object begins.
+    fn take(&mut self, byte: u8) -> bool {
+        if self.quoted {
+            self.quoted = byte != b'"' || self.escaped;
+            self.escaped = byte == b'\\' && !self.escaped;
+            return false;
+        }
+        let array = if byte.is_ascii_whitespace() { self.array } else { self.array.take() };
+        match byte {
+            b'"' => self.quoted = true,
+            b'{' | b'[' => {
+                self.depth += 1;
+                self.array = (byte == b'[').then_some(self.depth);
+            }
+            b'}' | b']' => self.depth = self.depth.saturating_sub(1),
+            _ => {}
+        }
+        byte == b'{' && array == Some(2)
+    }
+}
+
+/// The array of an object, whose objects are the records.
+#[derive(Clone, Debug, Default)]
+pub struct Array {
+    brackets: Brackets,
+    inside: bool,
+}
+
+impl Array {
+    /// The array of a text that begins with one object, if this object is all there is: it goes on at the end of the
+    /// text, or nothing follows.
+    pub fn of(text: &str) -> Option<Self> {
+        let text = text.trim_start();
+        let mut brackets = Brackets::default();
+        let begins =
+            text.starts_with('{').then(|| text.bytes().position(|b| brackets.take(b)))??;
+        let (mut objects, mut end) = (1, None);
+        for (at, byte) in text.bytes().enumerate().skip(begins + 1) {
+            let before = brackets.depth;
+            brackets.take(byte);
+            objects += usize::from(byte == b'{' && before == 2 && brackets.depth == 3);
+            if brackets.depth == 0 {
+                end = Some(at);
+                break;
+            }
+        }
+        let alone = end.is_none_or(|at| text[at + 1..].trim().is_empty());
+        (alone && (end.is_none() || objects >= SEVERAL)).then(Self::default)
+    }
+
+    /// Reads up to the first object of the array; `false` at the end of the file.
+    pub fn enter(&mut self, file: &mut impl BufRead) -> Result<bool> {
+        while !self.inside {
+            let bytes = file.fill_buf()?;
+            if bytes.is_empty() {
+                return Ok(false);
+            }
+            let begins = bytes.iter().position(|byte| self.brackets.take(*byte));
+            // the object itself is still to be read
+            let used = begins.unwrap_or(bytes.len());
+            file.consume(used);
+            self.inside = begins.is_some();
+        }
+        Ok(true)
+    }
+}
