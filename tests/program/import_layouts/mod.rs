@@ -1,6 +1,7 @@
 //! One recording of a car, written in the layouts of many programs: `import` reads each of them
 //! without an answer, and the run stays within its sigma; or it names what is missing.
 
+mod decided;
 mod dialects;
 mod dives;
 mod headings;

@@ -12,7 +12,8 @@ use crate::recording::{Part, Recording};
 use crate::stream::StreamSurvey;
 use navfuse_core::document::quoted;
 use sources::sources;
-use start::{SLOWEST, rests};
+pub use start::SLOWEST;
+use start::rests;
 use std::fmt::Write;
 use text::round;
 pub use text::{AS_ANSWERED, MARK, Text};
@@ -109,6 +110,10 @@ fn process<'a>(
         out.ask("position = { sigma = \"1 m\" }", "1-sigma of the reference");
     } else if gnss.is_some() {
         course(out, stream("gnss"), imu);
+        let unit = recording.in_semicircles().map(|factor| {
+            format!("sensor.gnss.samples.factor={{ lat = {factor}, lon = {factor} }}")
+        });
+        out.alternatives.extend(unit);
         let late = stream("gnss").zip(imu).filter(|(gnss, imu)| {
             gnss.samples > 0 && gnss.span[0].since(imu.span[0]) > start::LATE
         });

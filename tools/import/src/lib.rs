@@ -158,6 +158,7 @@ pub fn import(
     };
     recording.share_time(&streams)?;
     recording.swims_along_its_axes()?;
+    recording.doubt_forward(&streams);
     let draft = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
     if answers.heading.is_some() && !draft.text.contains(draft::AS_ANSWERED) {

@@ -2,11 +2,12 @@
 //! columns are exchanged.
 
 use crate::axes::Sense;
+use crate::draft::SLOWEST;
 use crate::recording::{Part, Reader, Recording};
 use crate::rotation::{Rotation, about_down, levelling, of_axes, product};
 use crate::samples::{Samples, find};
 use crate::stream::StreamSurvey;
-use crate::table::BY_CONTENT;
+use crate::table::{BY_CONTENT, E7, IN_E7, LATITUDE_FIRST, LONGITUDE_FIRST, ORDER, SEMICIRCLE};
 use navfuse_core::model::stream::StreamError;
 
 /// Angle between the mean of the specific force and an axis, rad, that no vehicle keeps on average: 20 deg.
@@ -128,6 +129,28 @@ impl Recording {
         part.samples.doubt = [roll, pitch, yaw];
     }
 
+    /// The factor by which the integers of latitude and longitude of a receiver without a velocity are semicircles
+    /// instead of 1e-7 deg.
+    pub fn in_semicircles(&self) -> Option<f64> {
+        let part = self.part("gnss").filter(|part| !part.found.velocity)?;
+        let integers = part.found.questions.iter().any(|q| q.contains(IN_E7));
+        let named = part.found.source.iter().any(|key| key.to_lowercase().contains("e7\""));
+        (integers && !named).then_some(SEMICIRCLE / E7)
+    }
+
+    /// Asks for the forward axis of an IMU where no course of a receiver shows it.
+    pub fn doubt_forward(&mut self, streams: &[StreamSurvey]) {
+        let moves = find(streams, "gnss").filter(|gnss| gnss.fastest > SLOWEST);
+        let shown = moves.is_none_or(|gnss| gnss.course.is_some());
+        if shown || self.moves_sideways() || self.part("reference").is_some() {
+            return;
+        }
+        let text = "the motion of the receiver is too slow or too noisy to show which axis of the IMU points forward: is \
+                    it the first one of sensor.imu.samples.axes, or x? A wrong one turns the heading by quarters";
+        self.notes.push(format!("imu: {text}"));
+        self.ask(text);
+    }
+
     /// Tests whether the velocities of a log are along the axes of its vehicle.
     ///
     /// # Errors
@@ -149,7 +172,11 @@ impl Recording {
     /// were exchanged. A table that names them is doubted.
     pub fn exchange(&mut self, streams: &[StreamSurvey]) -> bool {
         let [turns, forces] = find(streams, "gnss").map_or([false; 2], |s| s.mirrored);
-        let is_unnamed = |part: &Part| part.found.questions.iter().any(|q| q.contains(BY_CONTENT));
+        let is_pair = |key: &String| key.contains(LATITUDE_FIRST) || key.contains(LONGITUDE_FIRST);
+        let is_unnamed = |part: &Part| {
+            let mut questions = part.found.questions.iter();
+            questions.any(|q| q.contains(BY_CONTENT) || q.contains(ORDER))
+        };
         let unnamed = self.part("gnss").is_some_and(is_unnamed);
         // negative rates of the IMU would turn so, too, where the columns have names
         let mirrored = forces || (turns && unnamed);
@@ -157,16 +184,22 @@ impl Recording {
             return false;
         }
         let Some(part) = self.part_mut("gnss") else { return false };
-        let is_list = |key: &&mut String| key.starts_with("headings = [");
-        let Some(list) = part.found.source.iter_mut().find(is_list).filter(|_| unnamed) else {
+        let other = |key: &String| match key.contains(LATITUDE_FIRST) {
+            true => key.replace(LATITUDE_FIRST, LONGITUDE_FIRST),
+            false => key.replace(LONGITUDE_FIRST, LATITUDE_FIRST),
+        };
+        part.found.source.iter_mut().filter(|key| is_pair(key)).for_each(|key| *key = other(key));
+        if !unnamed {
             let text = "its course turns against the IMU as if east and north were exchanged: check \
                         latitude and longitude, and the velocities along north and east";
             part.found.questions.push(text.to_owned());
             self.notes.push(format!("gnss: {text}"));
             return true;
-        };
-        let other = list.replace("\"lat\"", "\"-\"").replace("\"lon\"", "\"lat\"");
-        *list = other.replace("\"-\"", "\"lon\"");
+        }
+        for key in part.found.source.iter_mut().filter(|key| key.starts_with("headings = [")) {
+            let other = key.replace("\"lat\"", "\"-\"").replace("\"lon\"", "\"lat\"");
+            *key = other.replace("\"-\"", "\"lon\"");
+        }
         let text = "the longitude stands before the latitude: its course turns as the IMU does so";
         part.found.questions.push(text.to_owned());
         self.notes.push(format!("gnss: {text}"));

@@ -9,6 +9,7 @@ mod positions;
 mod senses;
 mod strangers;
 mod times;
+mod tracks;
 mod untidy;
 
 use crate::import_layouts::Recorded;
@@ -187,6 +188,7 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
     folders::PROGRAMS
         .iter()
         .chain(&times::PROGRAMS)
+        .chain(&tracks::PROGRAMS)
         .chain(&positions::PROGRAMS)
         .chain(&senses::PROGRAMS)
         .chain(&labels::PROGRAMS)

@@ -11,8 +11,9 @@ use std::ops::RangeInclusive;
 const INTERVALS: RangeInclusive<f64> = 2e-5..=120.0;
 /// What is asked of dates whose order they do not show.
 pub const GUESSED: &str = "is a guess";
-/// The column of Xsens, which counts at 10 kHz.
+/// The column of Xsens, which counts at 10 kHz in an MTi and in microseconds in a DOT, and an interval that no IMU has, s.
 const TICKS: (&str, &str) = ("SampleTimeFine", "100*us");
+const SLOW: f64 = 0.5;
 
 /// Words for the parts of a date that stand in columns of their own.
 const FIELDS: [&[&str]; 6] = [
@@ -26,6 +27,12 @@ const FIELDS: [&[&str]; 6] = [
 /// Words for whole seconds, and for the nanoseconds beside them.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "s"];
 const NANOS: [&str; 6] = ["nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "ns"];
+/// Words for the part of a second beside the fields of a date, with its unit.
+const PARTS: [(&[&str], &str); 3] = [
+    (&["nano", "nanos", "nsec", "nsecs", "nanosec", "nanosecond", "nanoseconds", "ns"], "ns"),
+    (&["micro", "micros", "usec", "microsec", "microsecond", "microseconds", "us"], "us"),
+    (&["milli", "millis", "msec", "millisec", "millisecond", "milliseconds", "ms"], "ms"),
+];
 /// Counts of days with the ranges of the years from 1980 to 2050, and the date of their zero.
 const DAYS: [(&str, RangeInclusive<f64>, &str); 2] =
     [("excel", 29_221.0..=54_800.0, "1899-12-30"), ("matlab", 723_181.0..=748_800.0, "the year 0")];
@@ -100,22 +107,54 @@ impl Table<'_> {
         })
     }
 
-    /// A date whose year, month, day, hour, minute and second have columns of their own.
+    /// A date whose year, month, day, hour, minute and second have columns of their own, with a part of the second beside
+    /// them where the seconds are whole; `None` where another column is finer.
     fn fields(&self) -> Option<Clock> {
-        let mut columns = [0; 6];
+        let (mut columns, mut before) = ([0; 6], None);
         for (column, names) in columns.iter_mut().zip(FIELDS) {
-            let (k, _) = self.ending(names, Some(&[]))?;
-            *column = k;
+            let (k, stem) = self.ending(names, before.as_deref())?;
+            (*column, before) = (k, Some(stem));
         }
         let values = columns.map(|k| self.layout.column(k));
         let number = values.iter().all(|v| v.first().is_some_and(|v| v.is_finite()));
         let [_, _, _, hours, minutes, seconds] = &values;
-        let second = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k];
+        let repeats = seconds.windows(2).filter(|s| s[0] == s[1]).count() * 2 > seconds.len();
+        let part = self.part(seconds).filter(|_| repeats);
+        if !number || (repeats && part.is_none() && self.rises_besides(&columns)) {
+            return None;
+        }
+        let parts = part.map(|(k, unit)| (self.layout.column(k), units::factor(unit)));
+        let more = |k: usize| parts.as_ref().map_or(0.0, |(values, unit)| values[k] * unit);
+        let second = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k] + more(k);
         let names = columns.map(|k| quoted(self.heading(k)));
-        let key =
-            format!("time = {{ column = {}, fields = [{}] }}", names[5], names[..5].join(", "));
+        let beside = part.map_or_else(String::new, |(k, unit)| {
+            let unit =
+                if unit == "ns" { String::new() } else { format!(", nanos_unit = \"{unit}\"") };
+            format!(", nanos = {}{unit}", quoted(self.heading(k)))
+        });
+        let fields = names[..5].join(", ");
+        let key = format!("time = {{ column = {}, fields = [{fields}]{beside} }}", names[5]);
         let seconds = (0..hours.len()).map(second).collect();
-        number.then_some(Clock { key: Some(key), seconds, questions: Vec::new() })
+        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
+    }
+
+    /// The column with the part of whole seconds, and its unit: it increases within a second.
+    fn part(&self, seconds: &[f64]) -> Option<(usize, &'static str)> {
+        PARTS.iter().find_map(|(names, unit)| {
+            let (k, _) = self.ending(names, None)?;
+            let (values, factor) = (self.layout.column(k), units::factor(unit));
+            let within =
+                |(s, v): (&f64, &f64)| s.fract() == 0.0 && (0.0..1.0).contains(&(v * factor));
+            let pairs = || seconds.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
+            let rises = pairs().filter(|(_, v)| v[1] > v[0]).count() * 10 >= pairs().count() * 9;
+            (seconds.iter().zip(&values).all(within) && rises).then_some((k, *unit))
+        })
+    }
+
+    /// Tests whether a column of the time beside those of a date increases from row to row.
+    fn rises_besides(&self, columns: &[usize]) -> bool {
+        let time = |(k, m): &&(usize, Meaning)| m.channel == "time" && !columns.contains(k);
+        self.columns.iter().filter(time).any(|(k, _)| increases(&self.layout.column(*k)))
     }
 
     /// Whole seconds with the nanoseconds in a column of their own.
@@ -173,18 +212,31 @@ impl Table<'_> {
     }
 
     /// A time that is a number.
-    fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
+    pub(super) fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
         let (heading, values) = (self.heading(k), self.layout.column(k));
         let clock = self.days(heading, &values, usual).or_else(|| self.packed(k, &values));
         if let Some(clock) = clock {
             return clock;
         }
-        let stated =
-            meaning.unit.clone().or_else(|| heading.contains(TICKS.0).then(|| TICKS.1.to_owned()));
+        let whole = values.windows(2).filter(|t| t[0] == t[1]).count() * 2 > values.len();
+        if let Some((part, unit)) = self.part(&values).filter(|_| whole) {
+            let [column, nanos] = [heading, self.heading(part)].map(quoted);
+            let key = format!(
+                "time = {{ column = {column}, unit = \"s\", nanos = {nanos}, nanos_unit = \"{unit}\" }}"
+            );
+            let parts = self.layout.column(part);
+            let seconds = values.iter().zip(parts).map(|(t, p)| t + p * units::factor(unit));
+            let (seconds, questions) = (seconds.collect(), Vec::new());
+            return Clock { key: Some(key), seconds, questions };
+        }
+        // rows of other sensors have no time
+        let own: Vec<f64> = values.iter().copied().filter(|t| t.is_finite()).collect();
+        let step = units::step(&own);
+        let ticks = heading.contains(TICKS.0) && step * units::factor(TICKS.1) < SLOW;
+        let stated = meaning.unit.clone().or_else(|| ticks.then(|| TICKS.1.to_owned()));
         let assumed =
             || Decided { unit: "s".to_owned(), why: "no row".to_owned(), evidence: Evidence::None };
-        let shown = units::time(&values, usual).unwrap_or_else(assumed);
-        let step = units::step(&values);
+        let shown = units::time(&own, usual).unwrap_or_else(assumed);
         let absurd = |unit: &String| {
             let step = step * units::factor(unit);
             !step.is_nan() && !INTERVALS.contains(&step)

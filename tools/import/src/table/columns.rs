@@ -1,5 +1,6 @@
 //! The columns of a table for the channels of its sensors, with the units that the numbers show.
 
+use super::angles::turned;
 use super::layout::Layout;
 use super::units::{self, AID_INTERVAL, IMU_INTERVAL, settle};
 use super::vocabulary::{self, Meaning, fitting, meaning};
@@ -160,7 +161,7 @@ impl<'a> Table<'a> {
         } else if half {
             sensors.push(self.half(&clock)?);
         }
-        let map = || self.on_map().or_else(|| self.beside_point()).is_some();
+        let map = || self.placed().is_some();
         let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map();
         if self.has(&BODY) && !place {
             sensors.push(self.other("dvl", &BODY));
@@ -195,9 +196,13 @@ impl<'a> Table<'a> {
         if sensors.is_empty() {
             return Err(self.unknown());
         }
-        let seconds = || clock.seconds.iter().copied().filter(|t| t.is_finite());
-        let span = seconds().next().zip(seconds().next_back()).map(|(first, last)| [first, last]);
         for found in &mut sensors {
+            let usual = if found.kind == "imu" { IMU_INTERVAL } else { AID_INTERVAL };
+            let own = self.stamped(found.kind, usual);
+            let clock = own.as_ref().unwrap_or(&clock);
+            let seconds = || clock.seconds.iter().copied().filter(|t| t.is_finite());
+            let span = seconds().next().zip(seconds().next_back());
+            let span = span.map(|(first, last)| [first, last]);
             let mut source = self.layout.keys();
             source.extend(clock.key.clone());
             source.append(&mut found.source);
@@ -289,8 +294,7 @@ impl<'a> Table<'a> {
         let (mut source, mut questions) = (Vec::new(), Vec::new());
         if channels.contains(&"lat") && !self.has(&["lat"]) {
             source.extend(self.earth_fixed());
-            let map = || self.on_map().or_else(|| self.beside_point());
-            let map = source.is_empty().then(map).flatten();
+            let map = source.is_empty().then(|| self.placed()).flatten();
             map.into_iter().for_each(|(keys, question)| {
                 source.extend(keys);
                 questions.push(question);
@@ -334,14 +338,17 @@ impl<'a> Table<'a> {
                     source.extend(chosen.key(channel));
                 }
                 (None, "height") if source.iter().any(|key| key.starts_with("columns.height")) => {}
-                (Some((_, scale, _)), "height") if *scale != 1.0 && stated.is_none() => {
+                (Some((_, units::E7, _)), "height") if stated.is_none() && self.is_whole(*k) => {
+                    questions.push(format!(
+                        "the unit of {heading}: mm, as whole numbers beside 1e-7 deg"
+                    ));
                     let (unit, scale, minutes) = ("mm".to_owned(), meaning.sign, false);
                     let more = String::new();
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
-                (Some((_, scale, _)), "h_acc" | "v_acc" | "s_acc")
-                    if *scale != 1.0 && stated.is_none() =>
+                (Some((_, units::E7, _)), "h_acc" | "v_acc" | "s_acc")
+                    if stated.is_none() && self.is_whole(*k) =>
                 {
                     // the message NAV-PVT of u-blox; the eph of others is no length
                     let unit = if *channel == "s_acc" { "mm/s" } else { "mm" };
@@ -404,44 +411,6 @@ impl<'a> Table<'a> {
         let beside = y == x + 1 && z == x + 2;
         if beside { ["lat", "lon", "height"].map(key).to_vec() } else { Vec::new() }
     }
-
-    /// Unit and factor of latitude and longitude, and `true` for degrees with minutes.
-    fn place(&self, questions: &mut Vec<String>) -> (String, f64, bool) {
-        let (lat, lon) = (self.values("lat"), self.values("lon"));
-        let (unit, scale, minutes) = units::angle(&lat, &lon);
-        let stated = self.find("lat").and_then(|(_, m)| m.unit.clone());
-        let text = match (unit, scale, minutes) {
-            (_, _, true) => "ddmm.mmmm",
-            (unit, 1.0, _) => unit,
-            _ => "1e-7 deg",
-        };
-        match stated {
-            Some(stated) if stated == unit && text == unit => {}
-            // small degrees are possible
-            Some(stated) if stated == "deg" && unit == "rad" => return (stated, 1.0, false),
-            Some(stated) => questions.push(format!(
-                "the headings of latitude and longitude mean {stated}, but their range is one of \
-                 {text}: {text} is used"
-            )),
-            None => {
-                questions.push(format!("the unit of latitude and longitude: {text} by their range"))
-            }
-        }
-        (unit.to_owned(), scale, minutes)
-    }
-
-    /// -1 where the column after one of positive numbers names the south or the west.
-    fn hemisphere(&self, k: usize) -> f64 {
-        let other =
-            |row: &Vec<String>| row.get(k + 1).is_some_and(|cell| cell == "S" || cell == "W");
-        if self.layout.rows.iter().all(other) { -1.0 } else { 1.0 }
-    }
-}
-
-/// The unit of an angle by its range.
-pub(super) fn turned(values: &[f64]) -> &'static str {
-    let largest = values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
-    if largest > 6.3 { "deg" } else { "rad" }
 }
 
 impl Chosen<'_> {

@@ -48,6 +48,8 @@ pub struct Layout {
     before: usize,
     /// Cells of the first rows.
     pub rows: Vec<Vec<String>>,
+    /// Units after the numbers of the cells.
+    suffixes: Vec<String>,
     /// Numbers that stand for no measurement, by the index of their columns.
     pub missing: Vec<(usize, f64)>,
 }
@@ -65,8 +67,19 @@ fn split(line: &str, delimiter: Option<char>) -> Vec<String> {
         // as the source reads a quoted number between commas
         let grouped = delimiter == Some(',') && cell.contains(',');
         let plain = grouped.then(|| navfuse_csv::ungrouped(cell.as_bytes())).flatten();
-        plain.and_then(|n| String::from_utf8(n).ok()).unwrap_or_else(|| cell.to_owned())
+        let number = || with_unit(cell).map_or(cell, |(number, _)| number).to_owned();
+        plain.and_then(|n| String::from_utf8(n).ok()).unwrap_or_else(number)
     };
+    raw(line, delimiter, clean)
+}
+
+/// A number with a known unit after it.
+fn with_unit(cell: &str) -> Option<(&str, &str)> {
+    navfuse_csv::with_unit(cell).filter(|(_, unit)| expression(unit).is_some())
+}
+
+/// The cells of a line, each of them changed.
+fn raw(line: &str, delimiter: Option<char>, clean: impl Fn(&str) -> String) -> Vec<String> {
     let Some(delimiter) = delimiter else { return line.split_whitespace().map(clean).collect() };
     // a quotation mark within a cell is a second of an arc
     let (mut quote, mut begins) = (false, true);
@@ -172,7 +185,30 @@ impl Layout {
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
-        Some(layout)
+        let of_table = lines.iter().filter(|line| row(line).is_some());
+        layout.find_units(of_table.copied()).then_some(layout)
+    }
+
+    /// Finds the units after the numbers of the cells; `false` where those of one column differ.
+    fn find_units<'a>(&mut self, lines: impl Iterator<Item = &'a str>) -> bool {
+        let mut units = vec![String::new(); self.width()];
+        for line in lines {
+            let unit = |cell: &str| with_unit(cell.trim()).map_or("", |(_, unit)| unit).to_owned();
+            for (known, unit) in units.iter_mut().zip(raw(line, self.delimiter, unit)) {
+                if known.is_empty() {
+                    *known = unit;
+                } else if !unit.is_empty() && unit != *known {
+                    return false;
+                }
+            }
+        }
+        self.suffixes = units.iter().filter(|unit| !unit.is_empty()).cloned().collect();
+        self.suffixes.sort();
+        self.suffixes.dedup();
+        if !self.suffixes.is_empty() && self.units.is_empty() {
+            self.units = units;
+        }
+        true
     }
 
     /// Finds the headings and the units in the lines before the rows.
@@ -217,7 +253,11 @@ impl Layout {
         let commented = uncommented(line).is_some();
         let same = split(line, self.delimiter) == headings;
         let unique = unique(&headings);
-        self.given = commented || !same || !self.units.is_empty() || unique != headings;
+        // a line below the headings that is neither a row nor one of units
+        let followed =
+            before[place + 1..].iter().any(|l| !l.trim().is_empty() && uncommented(l).is_none());
+        let own = !commented && same && unique == headings;
+        self.given = !own || followed || !self.units.is_empty();
         self.headings = unique;
         self.headings.resize(width, String::new());
         let plain = marks.iter().filter(|m| m.is_none()).count();
@@ -269,6 +309,10 @@ impl Layout {
         if self.given {
             let list: Vec<String> = self.headings.iter().map(|h| quoted(h)).collect();
             keys.push(format!("headings = [{}]", list.join(", ")));
+        }
+        if !self.suffixes.is_empty() {
+            let list: Vec<String> = self.suffixes.iter().map(|s| quoted(s)).collect();
+            keys.push(format!("suffixes = [{}]", list.join(", ")));
         }
         let cell = |(k, word): &(usize, String)| {
             Some(format!("{} = {}", quoted(self.headings.get(*k)?), quoted(word)))

@@ -45,7 +45,7 @@ fn parts(heading: &str) -> (String, bool, Option<String>) {
 impl Table<'_> {
     /// The keys of a position in easting and northing, with the zone; `None` for other positions, and
     /// where no column names the zone.
-    pub(super) fn on_map(&self) -> Option<(Vec<String>, String)> {
+    fn on_map(&self) -> Option<(Vec<String>, String)> {
         let [east, north] = self.easting_and_northing()?;
         let zone = self.layout.headings.iter().find_map(|h| parts(h).2).or_else(|| self.zone())?;
         let [from, up] = [east, north].map(|k| quoted(self.heading(k)));
@@ -57,8 +57,13 @@ impl Table<'_> {
         Some((["lat", "lon"].map(key).to_vec(), question))
     }
 
+    /// The keys of a position that is no latitude and longitude in two columns, and a question.
+    pub(super) fn placed(&self) -> Option<(Vec<String>, String)> {
+        self.on_map().or_else(|| self.in_one_column()).or_else(|| self.beside_point())
+    }
+
     /// The keys of a position east, north and up of a point, which an answer gives.
-    pub(super) fn beside_point(&self) -> Option<(Vec<String>, String)> {
+    fn beside_point(&self) -> Option<(Vec<String>, String)> {
         let [east, north] = self.local().filter(|_| self.easting_and_northing().is_none())?;
         let named = |h: &&String| words(h).first().is_some_and(|w| UP.contains(&w.as_str()));
         let up = self.layout.headings.iter().find(named);

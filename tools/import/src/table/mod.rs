@@ -4,6 +4,7 @@
 //! table without headings, and [`units`] the units that the numbers show.
 
 mod alone;
+mod angles;
 mod beams;
 mod clock;
 mod columns;
@@ -15,22 +16,27 @@ mod layout;
 mod map;
 mod measured;
 mod oxts;
+mod pair;
 mod place;
 mod plain;
 mod rtklib;
 mod sentinel;
+mod stamps;
 mod track;
 mod units;
 mod unknown;
 mod vocabulary;
 
 use crate::found::Found;
+pub use angles::IN_E7;
 pub use clock::GUESSED;
 use columns::Table;
 pub use content::BY_CONTENT;
 use layout::Layout;
 use measured::measured;
 pub use oxts::oxts;
+pub use pair::{LATITUDE_FIRST, LONGITUDE_FIRST, ORDER};
+pub use units::{E7, SEMICIRCLE};
 
 /// The sensors of a table, by the beginning of its file and the name of the file.
 ///

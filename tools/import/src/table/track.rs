@@ -1,6 +1,7 @@
 //! What positions show: the unit of the velocity beside them, and coordinates of the Earth without a name.
 
-use super::columns::{Chosen, ECEF, Table, turned};
+use super::angles::turned;
+use super::columns::{Chosen, ECEF, Table};
 use super::place::RADIAN;
 use super::units::{self, AID_INTERVAL, Decided, Evidence, settle};
 use super::vocabulary::Meaning;
@@ -16,6 +17,8 @@ const LEAST: usize = 5;
 /// that between km/h and ft/s.
 const CORRELATED: f64 = 0.9;
 const NEAR: f64 = 0.046;
+/// Share of what one unit of the positions leaves unexplained, from which another one is right.
+const LESS: f64 = 0.5;
 /// Distances from the centre of the Earth at which vehicles are, m.
 const SURFACE: RangeInclusive<f64> = 6.33e6..=6.42e6;
 
@@ -23,6 +26,36 @@ impl Table<'_> {
     /// The unit of the velocity of a receiver by the way between its positions, whose angles have a factor to rad or are
     /// degrees with minutes; `None` where it is the stated one or the SI unit, or where the positions do not show it.
     pub(super) fn by_track(&self, factor: f64, minutes: bool) -> Option<Decided> {
+        let (ratio, stated) = self.beside_track(factor, minutes)?;
+        let (unit, distance) = nearest(ratio.size)?;
+        let stated = stated.unwrap_or_else(|| "m/s".to_owned());
+        (distance < NEAR && !units::same(unit, &stated)).then(|| Decided {
+            unit: unit.to_owned(),
+            why: "the positions move as fast".to_owned(),
+            evidence: Evidence::Strong,
+        })
+    }
+
+    /// Tests whether integers of latitude and longitude are semicircles rather than 1e-7 deg: by a heading or a unit, or
+    /// by the velocity beside them.
+    pub(super) fn in_semicircles(&self) -> bool {
+        let columns = self.columns.iter().filter(|(_, m)| ["lat", "lon"].contains(&m.channel));
+        let named = |text: &str| text.to_lowercase().contains("semicirc");
+        let unit = |k: &usize| self.layout.units.get(*k).is_some_and(|unit| named(unit));
+        if columns.into_iter().any(|(k, _)| named(self.heading(*k)) || unit(k)) {
+            return true;
+        }
+        let ratio =
+            |scale: f64| self.beside_track(scale.to_radians(), false).map(|(ratio, _)| ratio);
+        let near = |ratio: &Ratio| nearest(ratio.size).is_some_and(|(_, distance)| distance < NEAR);
+        let usual = ratio(units::E7).filter(near);
+        // the wrong unit changes north and east by other factors
+        let fits = |r: Ratio| usual.as_ref().is_none_or(|usual| r.rest < LESS * usual.rest);
+        ratio(units::SEMICIRCLE).filter(near).is_some_and(fits)
+    }
+
+    /// The ratio of the way between the positions to the velocity beside them, and the unit that its heading states.
+    fn beside_track(&self, factor: f64, minutes: bool) -> Option<(Ratio, Option<String>)> {
         let angle = |v: f64| match minutes {
             true => ((v / 100.0).trunc() + (v % 100.0) / 60.0).to_radians(),
             false => v * factor,
@@ -49,15 +82,7 @@ impl Table<'_> {
             (None, None) => return None,
         };
         let seconds = self.clock(AID_INTERVAL).ok()?.seconds;
-        let ratio = ratio(&seconds, &place, &velocity)?;
-        let distance = |unit: &&str| (ratio / units::factor(unit)).ln().abs();
-        let unit = SPEEDS.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let stated = meaning.unit.as_deref().unwrap_or("m/s");
-        (distance(&unit) < NEAR && !units::same(unit, stated)).then(|| Decided {
-            unit: unit.to_owned(),
-            why: "the positions move as fast".to_owned(),
-            evidence: Evidence::Strong,
-        })
+        Some((ratio(&seconds, &place, &velocity)?, meaning.unit.clone()))
     }
 
     /// The keys of a velocity that is a speed over ground with a course.
@@ -117,9 +142,22 @@ impl Table<'_> {
     }
 }
 
+/// The ratio of ways to the integrals of velocities.
+struct Ratio {
+    size: f64,
+    /// Share of the ways that it does not explain.
+    rest: f64,
+}
+
+/// The unit of a speed with the nearest size, and the distance of the logarithms.
+fn nearest(size: f64) -> Option<(&'static str, f64)> {
+    let distance = |unit: &'static str| (unit, (size / units::factor(unit)).ln().abs());
+    SPEEDS.into_iter().map(distance).min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// The ratio of the way between positions to the integral of a velocity beside them; `None` where they are not
 /// proportional.
-fn ratio(seconds: &[f64], place: &[[f64; 2]], velocity: &[[f64; 2]]) -> Option<f64> {
+fn ratio(seconds: &[f64], place: &[[f64; 2]], velocity: &[[f64; 2]]) -> Option<Ratio> {
     let rows = seconds.iter().zip(place).zip(velocity);
     let finite = |((t, p), v): &((&f64, &[f64; 2]), &[f64; 2])| {
         t.is_finite() && p.iter().chain(*v).all(|x| x.is_finite())
@@ -144,5 +182,6 @@ fn ratio(seconds: &[f64], place: &[[f64; 2]], velocity: &[[f64; 2]]) -> Option<f
         (from, sum) = (Some((*t, *p)), [0.0; 2]);
     }
     let correlation = product / (squares[0] * squares[1]).sqrt();
-    (count >= LEAST && correlation > CORRELATED).then(|| product / squares[1])
+    let rest = 1.0 - correlation * correlation;
+    (count >= LEAST && correlation > CORRELATED).then(|| Ratio { size: product / squares[1], rest })
 }

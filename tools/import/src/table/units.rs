@@ -285,6 +285,10 @@ pub fn speed(velocities: &[[f64; 3]]) -> &'static str {
     }
 }
 
+/// Degrees of the integers of latitudes and longitudes: 1e-7, and semicircles, 2^31 of which are 180.
+pub const E7: f64 = 1e-7;
+pub const SEMICIRCLE: f64 = 180.0 / 2_147_483_648.0;
+
 /// The unit of latitudes and longitudes: a unit, a factor, and `true` for ddmm.mmmm.
 pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool) {
     let largest = |values: &[f64]| {
@@ -292,8 +296,10 @@ pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool)
     };
     let (lat, lon) = (largest(latitudes), largest(longitudes));
     let minutes = |values: &[f64]| values.iter().all(|v| !v.is_finite() || v.abs() % 100.0 < 60.0);
-    if lat > 9_100.0 || lon > 18_100.0 {
-        ("deg", 1e-7, false)
+    if lat * E7 > 90.0 || lon * E7 > 180.0 {
+        ("deg", SEMICIRCLE, false)
+    } else if lat > 9_100.0 || lon > 18_100.0 {
+        ("deg", E7, false)
     } else if (lat > 91.0 || lon > 361.0) && minutes(latitudes) && minutes(longitudes) {
         ("deg", 1.0, true)
     } else if lat <= FRAC_PI_2 && lon <= PI && lat > 0.0 {

@@ -98,9 +98,9 @@ pub fn fitting(unit: &str, si: &str) -> Option<String> {
 
 /// The SI unit of a channel.
 pub fn si(channel: &str) -> &'static str {
-    let vector = VECTORS.iter().find(|(names, ..)| names.contains(&channel));
-    let scalar = || SCALARS.iter().find(|(name, ..)| *name == channel).map(|s| s.1);
-    vector.map(|v| v.1).or_else(scalar).unwrap_or_default()
+    let scalar = SCALARS.iter().find(|(name, ..)| *name == channel).map(|s| s.1);
+    let vector = || VECTORS.iter().find(|(names, ..)| names.contains(&channel)).map(|v| v.1);
+    scalar.or_else(vector).unwrap_or_default()
 }
 
 /// Rank of an axis whose word names the axes of one vector alone.
@@ -148,6 +148,9 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
         };
         VECTORS.iter().find_map(|(names, _, words)| {
             let rank = words.iter().position(|w| *w == text)?;
+            // positions have x and y on maps, too
+            let counted = names.contains(&"lat") && word.parse::<usize>().is_err();
+            let any = any.filter(|_| !counted);
             let (axis, sign) = any.map(|(_, axis, sign)| (*axis, *sign)).or_else(|| own(names))?;
             // an axis of its own is named better by x, y and z
             let rank = rank + if any.is_some() { 0 } else { OWN };

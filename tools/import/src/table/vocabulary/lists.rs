@@ -349,6 +349,6 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
             "utctimemillis",
         ],
     ),
-    ("date", "", 1.0, &["date", "utcdate", "gpsdate", "dateutc", "localdate"]),
+    ("date", "", 1.0, &["date", "utcdate", "gpsdate", "dateutc", "localdate", "rtcdate"]),
     ("week", "", 1.0, &["week", "gpsweek", "gwk", "wn", "wnc", "weeknumber", "gpsweeknumber"]),
 ];

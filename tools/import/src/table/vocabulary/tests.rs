@@ -56,6 +56,13 @@ fn headings_of_many_programs_mean_a_channel_and_a_unit() {
         ("alt_mm", "height", Some("mm"), 1.0),
         ("ms", "time", None, 1.0),
         ("x-ecef(m)", "x_ecef", Some("m"), 1.0),
+        ("InlineAcc", "accel_x", None, 1.0),
+        ("gyroRotationX(rad/s)", "gyro_x", Some("rad/s"), 1.0),
+        ("lla[0]", "lat", None, 1.0),
+        ("gps_lla[1]", "lon", None, 1.0),
+        ("llh[2] [m]", "height", Some("m"), 1.0),
+        ("geometry.coordinates.0", "lon", None, 1.0),
+        ("v_ned[1]", "vel_e", None, 1.0),
     ] {
         let m = meaning(heading).unwrap_or_else(|| panic!("{heading}"));
         let unit = unit.map(str::to_owned);
@@ -81,6 +88,7 @@ fn a_heading_that_resembles_a_channel_is_none() {
         "std_lat",
         "water_depth",
         "sound_speed",
+        "coordinates_x",
         "q0",
         "",
     ] {

@@ -1,7 +1,7 @@
 //! The words of many programs for vectors and their axes.
 
 /// Words for a vector: its three channels and their SI unit.
-pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
+pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
     (
         ["gyro_x", "gyro_y", "gyro_z"],
         "rad/s",
@@ -15,6 +15,8 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
             "angvel",
             "angrate",
             "rotationrate",
+            "gyrorotation",
+            "gyrorotationrate",
             "turnrate",
             "anglerate",
             "bodyrate",
@@ -63,6 +65,13 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 6] = [
         "m/s",
         &["dvel", "deltavelocity", "deltavel", "deltav", "dv", "velinc"],
     ),
+    (
+        ["lat", "lon", "height"],
+        "",
+        &["lla", "llh", "latlonalt", "latlonheight", "positionlla", "positionllh", "geodetic"],
+    ),
+    // as GeoJSON orders them
+    (["lon", "lat", "height"], "", &["coordinates", "geometrycoordinates"]),
     (["vel_n", "vel_e", "vel_d"], "m/s", &["velned", "velocityned", "vned"]),
     (
         ["vel_x", "vel_y", "vel_z"],
@@ -118,7 +127,7 @@ pub const OWN_AXES: [(&str, [&[&str]; 3]); 3] = [
     (
         "accel_x",
         [
-            &["long", "longitudinal", "surge"],
+            &["long", "longitudinal", "inline", "surge"],
             &["lat", "lateral", "transverse", "sway"],
             &["vert", "vertical", "normal", "heave"],
         ],
