@@ -5,6 +5,7 @@ use crate::folder::Results;
 use crate::statistics::{EpochStatistics, PointStatistics};
 use crate::verdict::{anees_band, nis_band};
 use navfuse_core::model::chi_square::Band;
+use navfuse_core::units::parse_unit;
 use navfuse_figures::{Axis, Band as Shade, Curve, Figure, Look, Panel};
 
 /// Probability outside the plotted bands.
@@ -194,8 +195,8 @@ fn grid(
     vec![Figure { name: "sweep".into(), title, columns: panels.len().clamp(1, 3), panels }]
 }
 
-/// Positions of a key's values on an axis: their numbers if all have the same unit, otherwise 1, 2,
-/// 3 and so on.
+/// Positions of a key's values on an axis: their numbers in the unit of the first one if all are of one
+/// dimension, otherwise 1, 2, 3 and so on.
 fn axis(key: &str, values: &[&str]) -> (Vec<f64>, Axis) {
     let split = |value: &str| {
         let value = value.trim_matches(['"', '\'']);
@@ -205,22 +206,34 @@ fn axis(key: &str, values: &[&str]) -> (Vec<f64>, Axis) {
         value[..end].parse::<f64>().ok().map(|number| (number, value[end..].trim().to_owned()))
     };
     let numbers: Option<Vec<(f64, String)>> = values.iter().map(|v| split(v)).collect();
-    match numbers {
-        Some(numbers) if numbers.windows(2).all(|w| w[0].1 == w[1].1) => {
-            let unit = numbers.first().map_or("", |n| &n.1);
+    match numbers.and_then(in_unit_of_first) {
+        Some((numbers, unit)) => {
             let label = if unit.is_empty() { key.to_owned() } else { format!("{key} [{unit}]") };
-            let places: Vec<f64> = numbers.iter().map(|n| n.0).collect();
             let (low, high) =
-                places.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), p| (l.min(*p), h.max(*p)));
+                numbers.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), p| (l.min(*p), h.max(*p)));
             // the values span more than one decade
             let logarithmic = low > 0.0 && high / low > 10.0;
-            (places, if logarithmic { Axis::logarithmic(label) } else { Axis::linear(label) })
+            (numbers, if logarithmic { Axis::logarithmic(label) } else { Axis::linear(label) })
         }
         _ => (
             (1..=values.len()).map(|k| k as f64).collect(),
             Axis::linear(format!("{key}: {}", values.join(", "))),
         ),
     }
+}
+
+/// The numbers in the unit of the first one, and that unit; `None` for units of several dimensions.
+fn in_unit_of_first(values: Vec<(f64, String)>) -> Option<(Vec<f64>, String)> {
+    let unit = values.first().map_or_else(String::new, |value| value.1.clone());
+    if values.iter().all(|value| value.1 == unit) {
+        return Some((values.into_iter().map(|value| value.0).collect(), unit));
+    }
+    let first = parse_unit(&unit).ok()?;
+    let convert = |(value, own): (f64, String)| {
+        let own = parse_unit(&own).ok().filter(|own| own.exponents() == first.exponents())?;
+        Some(own.to_si(value) / first.to_si(1.0))
+    };
+    Some((values.into_iter().map(convert).collect::<Option<_>>()?, unit))
 }
 
 #[cfg(test)]
@@ -234,7 +247,10 @@ mod tests {
         assert_eq!((places, x.label.as_str()), (vec![0.0, 30.0, 60.0], "latitude [deg]"));
         let (places, x) = axis("noise", &["1e-3", "0.1"]);
         assert_eq!((places, x.scale), (vec![0.001, 0.1], Scale::Logarithmic));
-        assert_eq!(axis("noise", &["1 cm/s", "2 mm/s"]).0, [1.0, 2.0]);
+        let (places, x) = axis("noise", &["1 cm/s", "2 mm/s"]);
+        assert_eq!((x.label.as_str(), x.scale), ("noise [cm/s]", Scale::Linear));
+        assert!((places[0] - 1.0).abs() < 1e-12 && (places[1] - 0.2).abs() < 1e-12, "{places:?}");
+        assert_eq!(axis("noise", &["1 cm/s", "2 mm"]).0, [1.0, 2.0]);
         assert_eq!(axis("mode", &["fixed", "estimate"]).0, [1.0, 2.0]);
     }
 }
