@@ -119,7 +119,10 @@ fn a_finding_and_a_rejected_sample_of_the_imu_are_in_result_log_page_and_replay(
     assert_eq!(imu.updates.outcomes.rejected, [(why, excluded)]);
     let output = command().arg("report").arg(&log).output().expect("the command starts");
     let page = read(&run.join("report.html"));
-    assert!(page.contains("<h3>Findings</h3>"), "{}", stderr(&output));
+    // among the reasons of the verdict, and not a second time
+    let text = found["text"].as_str().expect("a text");
+    let (top, _) = page.split_once("<h3>Navigation at the end</h3>").expect("the result");
+    assert_eq!(top.matches(text).count(), 1, "{text}: {}", stderr(&output));
     assert!(page.contains(&format!("{excluded} rejected: the scenario excludes this time")));
     assert_eq!(json_of("replay", &log, &[], &again)["findings"], result["findings"]);
 }

@@ -157,6 +157,8 @@ impl Layout {
         let strips = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
         let mut below = vec![self.lanes(&title, &strips)];
         let mut shares = vec![1.4];
+        // the page has three columns, whose titles are longer than those of four
+        self.columns = 3;
         if let Some((b, k)) = run.worst
             && let Some(plots) = &run.blocks[b].components[k].plots
         {
@@ -176,12 +178,12 @@ impl Layout {
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
             below.push(self.plot_of(&name, &contents, Some(range), None, share * USUAL - 46.0));
-            shares.push(1.0);
+            shares.push(1.1);
         }
         if self.ranges {
             let states = TextDocumentView::new("States at the end").with_origin("/states");
             below.push(states.into());
-            shares.push(1.1);
+            shares.push(1.05);
         }
         let below = Horizontal::new(below).with_column_shares(shares).into();
         let shares = [1.0 - share, share].map(|share| share as f32);

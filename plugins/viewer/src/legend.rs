@@ -15,6 +15,8 @@ use re_sdk_types::components::Color;
 const TIMES: f64 = 8.0;
 /// Colours of the strip of seconds, in turns.
 const SHADES: [Colour; 2] = [[44, 48, 56], [66, 72, 82]];
+/// Gap behind a word of the strip of colours, pixels: the lane of a sensor has none between its states.
+const GAP: f64 = 6.0;
 
 /// The names of the colours, for a title.
 fn colour_name(health: Health) -> &'static str {
@@ -25,7 +27,7 @@ fn colour_name(health: Health) -> &'static str {
         Health::Gated => "magenta",
         Health::Rejected => "orange",
         Health::Isolated => "dark red",
-        Health::Silent => "grey",
+        Health::Silent => "light grey",
     }
 }
 
@@ -46,19 +48,31 @@ pub fn look() -> StateConfiguration {
     strip::look(words())
 }
 
-/// Writes the strip of all colours with their words, each as long as its word, and the strip of
-/// seconds, over a run between those times, ns.
-pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), StreamError> {
-    let entity = path(&["colour_legend"]);
-    recording.log_static(&entity, &look())?;
+/// The strip of all colours in a run between those times, ns: each word with its begin and end, as long
+/// as the word, and a gap behind it.
+fn chips((first, last): (i64, i64)) -> Vec<(&'static str, [i64; 2])> {
     let width = |word: &str| LETTER * word.len() as f64 + 2.0 * MARGINS;
     let widths: Vec<_> = words().into_iter().map(|(word, _)| (word, width(word))).collect();
     let whole: f64 = widths.iter().map(|(_, width)| width).sum();
+    let at = |pixels: f64| first + (pixels / whole * (last - first) as f64) as i64;
     let mut before = 0.0;
-    for (word, width) in widths {
-        let at = first + (before / whole * (last - first) as f64) as i64;
-        recording.log(&entity, at, &StateChange::single(word))?;
+    let chip = |(word, width)| {
+        let begin = before;
         before += width;
+        (word, [at(begin), at(before - GAP)])
+    };
+    widths.into_iter().map(chip).collect()
+}
+
+/// Writes the strip of all colours with their words, and the strip of seconds, over a run between those
+/// times, ns.
+pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), StreamError> {
+    let entity = path(&["colour_legend"]);
+    recording.log_static(&entity, &look())?;
+    for (word, [begin, end]) in chips((first, last)) {
+        recording.log(&entity, begin, &StateChange::single(word))?;
+        // an empty state ends the one before it
+        recording.log(&entity, end, &StateChange::single(""))?;
     }
     let marks = marks(first, last);
     let entity = path(&["clock"]);
@@ -98,6 +112,27 @@ fn seconds(nanos: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A reader distinguishes a sensor that waits from one that is silent by brightness alone.
+    #[test]
+    fn the_colours_of_the_strip_are_apart_from_each_other_and_no_word_touches_the_next() {
+        let all = words();
+        for (k, (word, colour)) in all.iter().enumerate() {
+            for (other, beside) in &all[..k] {
+                let apart = colour.iter().zip(beside).map(|(a, b)| a.abs_diff(*b)).max();
+                assert!(apart >= Some(70), "{word} and {other}: {colour:?} {beside:?}");
+            }
+        }
+        let chips = chips((0, 630_000_000_000));
+        assert_eq!(chips.len(), all.len());
+        for pair in chips.windows(2) {
+            let ([begin, end], next) = (pair[0].1, pair[1].1[0]);
+            assert!(begin < end && end < next, "{pair:?}");
+            // the strips of a window of 1600x1000 are 560 pixels wide
+            let pixels = 560.0 * (end - begin) as f64 / 630e9;
+            assert!(pixels >= LETTER * pair[0].0.len() as f64, "{pair:?}");
+        }
+    }
 
     #[test]
     fn the_seconds_are_round_and_few_and_each_has_room() {

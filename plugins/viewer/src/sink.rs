@@ -23,6 +23,13 @@ use std::time::{Duration, Instant};
 
 /// The time between two refreshes of a viewer that watches.
 const LIVE_INTERVAL: Duration = Duration::from_millis(500);
+/// The shortest time between two, of a run that has moved on by [`LIVE_SPAN`]: a simulation is some hundred
+/// times faster than its clock, and what viewers show would be minutes old.
+const LIVE_SHORTEST: Duration = Duration::from_millis(200);
+/// The time of the run after which a viewer that watches is refreshed earlier, s.
+const LIVE_SPAN: f64 = 5.0;
+/// The number of times that the pause before a refresh is longer than the last refresh took.
+const LIVE_PAUSE: u32 = 4;
 
 /// The age at which a run that nobody watches writes its first layout, which shows the file of a run
 /// that was killed. A short run saves its cost.
@@ -42,6 +49,8 @@ pub struct RerunSink {
     excursions: Excursions,
     verdict: Option<Verdict>,
     refreshed: Instant,
+    /// Duration of the last refresh, and the time of the run at which it was.
+    refresh: (Duration, Option<Time>),
     begun: Instant,
     /// Set once the first layout is written.
     laid_out: bool,
@@ -65,6 +74,7 @@ impl RerunSink {
             excursions: Excursions::default(),
             verdict: None,
             refreshed: Instant::now(),
+            refresh: (Duration::ZERO, None),
             begun: Instant::now(),
             laid_out: false,
             place: None,
@@ -73,6 +83,7 @@ impl RerunSink {
 
     /// Sends to the viewers that watch what came since the last refresh.
     fn refresh(&mut self) -> Result<(), StreamError> {
+        let begun = Instant::now();
         let Some(run) = &mut self.run else { return Ok(()) };
         for tab in &mut self.tabs {
             tab.flush(&self.recording)?;
@@ -90,8 +101,10 @@ impl RerunSink {
             let at = (self.verdict.as_ref(), self.last.unwrap_or_default());
             run.write_overview(&self.recording, at, &left(&self.tabs))?;
         }
+        let flushed = self.recording.flush();
         self.refreshed = Instant::now();
-        self.recording.flush()
+        self.refresh = (begun.elapsed(), self.last);
+        flushed
     }
 
     fn lay_out_in_time(&mut self) -> Result<(), StreamError> {
@@ -287,7 +300,9 @@ impl RerunSink {
         self.write_excursions()?;
         self.epochs += 1;
         self.lay_out_in_time()?;
-        let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
+        let (took, at) = self.refresh;
+        let advanced = at.map_or(f64::INFINITY, |at| time.since(at));
+        let watched = self.recording.is_live() && is_due(self.refreshed.elapsed(), took, advanced);
         if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
     }
 
@@ -367,6 +382,13 @@ impl RerunSink {
     }
 }
 
+/// Returns `true` where viewers that watch are to be refreshed: that long after the last refresh, which took
+/// some time, and the run has advanced since then, s.
+fn is_due(since: Duration, took: Duration, advanced: f64) -> bool {
+    let early = advanced >= LIVE_SPAN && since >= LIVE_SHORTEST.max(LIVE_PAUSE * took);
+    early || since >= LIVE_INTERVAL
+}
+
 /// The weight that the prior of a component of a block still has, by the tab that follows it.
 fn left(tabs: &[Box<dyn Tab>]) -> impl Fn(&str, &str) -> Option<f64> + '_ {
     |block, component| tabs.iter().find_map(|tab| tab.left(block, component))
@@ -378,5 +400,20 @@ impl Drop for RerunSink {
         if self.place.is_none() {
             self.close().ok();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fast_run_refreshes_viewers_earlier_and_spends_a_fifth_of_its_time_on_them_at_most() {
+        let ms = Duration::from_millis;
+        // on the clock of the vehicle, twice a second
+        assert!(!is_due(ms(499), ms(1), 0.5) && is_due(ms(500), ms(1), 0.5));
+        // 300 times as fast: the page is a minute old at most
+        assert!(!is_due(ms(199), ms(1), 59.7) && is_due(ms(200), ms(1), 60.0));
+        assert!(!is_due(ms(319), ms(80), 96.0) && is_due(ms(320), ms(80), 96.0));
     }
 }

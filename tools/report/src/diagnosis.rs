@@ -65,7 +65,7 @@ fn result(diagnosis: &Diagnosis) -> Markup {
     let rivals = diagnosis.rivals();
     html! {
         @if diagnosis.interrupted { p.bad { "Interrupted: not every change was tried." } }
-        p.verdict.bad[diagnosis.best().is_some_and(bad)] { (diagnosis.conclusion()) "." }
+        p.verdict.bad[diagnosis.best().is_some_and(bad)] { (sentence(&diagnosis.conclusion())) "." }
         @if let Some(best) = diagnosis.best() {
             (settings(best))
             p { "The run with it: " (best.verdict) "." }
@@ -76,6 +76,17 @@ fn result(diagnosis: &Diagnosis) -> Markup {
             ul { @for rival in rivals { li { (rival) } } }
         }
     }
+}
+
+/// Words as the begin of a sentence.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// A distance with the digits that count.
+fn metres(distance: f64) -> String {
+    if distance < 100.0 { format!("{distance:.2} m") } else { format!("{distance:.0} m") }
 }
 
 /// The assignments of a change, as a command takes them.
@@ -123,7 +134,7 @@ fn row(number: usize, trial: &Trial, next: Option<f64>) -> Markup {
             td { @if let Some(next) = next { (format!("{:.0}", trial.score - next)) } }
             td { @if trial.mean_nis.is_finite() { (format!("{:.2}", trial.mean_nis)) } }
             td.name { span.bad[bad(trial)] { (trial.level.words()) } }
-            td { @if let Some(moved) = trial.moved { (format!("{moved:.2} m")) } }
+            td { @if let Some(moved) = trial.moved { (metres(moved)) } }
         }
     }
 }
@@ -212,7 +223,7 @@ mod tests {
         let page = page("dive", "name = \"dive\"", &diagnosis(trials)).expect("it is drawn");
         let result = section(&page, "result");
         // of two changes within the margin the consistent one comes first
-        assert!(result.contains("remedy, with which the run is consistent: dvl"), "{result}");
+        assert!(result.contains("Remedy, with which the run is consistent: dvl"), "{result}");
         assert!(result.contains("--set 'sensor.dvl.noise=&quot;1 m&quot;'"), "{result}");
         assert!(result.contains("<li>usbl</li>") && !result.contains("&lt;depth&gt;"), "{result}");
         let changes = section(&page, "changes");
@@ -240,6 +251,11 @@ mod tests {
     #[test]
     fn a_page_without_any_change_reports_that_none_explains_the_samples() {
         let page = page("dive", "", &diagnosis(Vec::new())).expect("it is drawn");
-        assert!(section(&page, "result").contains("no change explains the samples better"));
+        assert!(section(&page, "result").contains("No change explains the samples better"));
+    }
+
+    #[test]
+    fn a_long_way_has_no_centimetres() {
+        assert_eq!([1.5, 99.994, 146_168.9].map(metres), ["1.50 m", "99.99 m", "146169 m"]);
     }
 }

@@ -13,6 +13,7 @@ pub mod diagnosis;
 mod health;
 mod histogram;
 mod history;
+mod innovations;
 mod log;
 pub mod observability;
 pub mod page;

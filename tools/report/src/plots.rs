@@ -1,16 +1,11 @@
 //! Figures of any run.
 
 use crate::history::{BlockHistory, Row, RunHistory, displacement};
-use crate::sensors::{Consistency, Innovation, SensorHistory};
+use crate::sensors::SensorHistory;
 use navfuse_core::units::Unit;
 use navfuse_core::units::sample::words;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::borrow::Cow;
-
-/// Number of bins of the mean NIS over time: few enough for a mean over many samples, and about as
-/// many as a reader can resolve.
-const BINS: usize = 60;
 
 /// Creates a curve.
 pub(crate) fn curve(name: &str, look: Look, points: impl Iterator<Item = [f64; 2]>) -> Curve {
@@ -242,121 +237,6 @@ pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Pa
         curves.collect(),
         Vec::new(),
     )
-}
-
-/// Plots the innovations of a sensor with their bounds of 3 sigma, one panel per channel, and the
-/// gated innovations. `None` for a sensor without innovations.
-pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
-    let updates = &sensor.updates;
-    if updates.outcomes.accepted + updates.outcomes.gated == 0 {
-        return None;
-    }
-    let has = |k: usize| {
-        let all = updates.innovations.rows().iter().chain(updates.outliers.rows());
-        all.map(|i| i.sigma[k]).any(f64::is_finite)
-    };
-    let channels = (0..sensor.channels.len()).filter(|k| has(*k));
-    let panels: Vec<Panel> = channels
-        .map(|k| {
-            let (name, unit, factor) = channel(&sensor.channels[k]);
-            let of = |look, name: &str, rows: &[Innovation]| {
-                curve(name, look, rows.iter().map(|i| [i.time, factor * i.innovation[k]]))
-            };
-            let mut curves = vec![of(Look::Points(0), "accepted", updates.innovations.rows())];
-            if updates.outcomes.gated > 0 {
-                curves.push(of(Look::Points(1), "gated", updates.outliers.rows()));
-            }
-            let bound =
-                updates.innovations.rows().iter().map(|i| (i.time, 3.0 * factor * i.sigma[k]));
-            let bands = vec![Band {
-                name: "±3 sigma".into(),
-                points: bound.map(|(t, b)| [t, -b, b]).collect(),
-            }];
-            over_time(name, Axis::linear(label("innovation", &unit)), curves, bands)
-        })
-        .collect();
-    let columns = panels.len().clamp(2, 3);
-    Some(Figure {
-        name: format!("innovations-{}", sensor.name),
-        title: String::new(),
-        columns,
-        panels,
-    })
-}
-
-/// Plots the NIS of a sensor's samples with the gate, and its mean over time with the 95 % band.
-pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
-    let updates = &sensor.updates;
-    if updates.outcomes.accepted + updates.outcomes.gated == 0 {
-        return None;
-    }
-    let of = |rows: &[Innovation]| rows.iter().map(|i| [i.time, i.nis]).collect::<Vec<_>>();
-    let mut curves = vec![Curve {
-        name: "accepted".into(),
-        look: Look::Points(0),
-        points: of(updates.innovations.rows()),
-    }];
-    if updates.outcomes.gated > 0 {
-        curves.push(Curve {
-            name: "gated".into(),
-            look: Look::Points(1),
-            points: of(updates.outliers.rows()),
-        });
-    }
-    let mut gate: Vec<[f64; 2]> = updates
-        .innovations
-        .rows()
-        .iter()
-        .chain(updates.outliers.rows())
-        .map(|i| [i.time, i.threshold])
-        .collect();
-    gate.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    if gate.iter().any(|g| g[1].is_finite()) {
-        curves.push(Curve { name: "gate".into(), look: Look::Bound, points: gate });
-    }
-    let each = over_time("each sample", Axis::logarithmic("NIS"), curves, Vec::new());
-    let bins = bins(updates.consistency.rows());
-    let middle = |c: &Consistency| 0.5 * (c.span[0] + c.span[1]);
-    let mean = bins.iter().map(|c| [middle(c), c.nis / c.expected]);
-    let expected = bins.iter().map(|c| [middle(c), 1.0]);
-    let band =
-        bins.iter().filter_map(|c| band(c.expected).map(|[low, high]| [middle(c), low, high]));
-    let curves = vec![curve("expected", Look::Bound, expected), curve("mean", Look::Data(0), mean)];
-    let bands = vec![Band { name: "95 % band".into(), points: band.collect() }];
-    let mean = over_time("mean of the accepted", Axis::linear("NIS per channel"), curves, bands);
-    Some(Figure {
-        name: format!("nis-{}", sensor.name),
-        title: String::new(),
-        columns: 2,
-        panels: vec![each, mean],
-    })
-}
-
-/// Joins sums to at most about [`BINS`] bins.
-pub(crate) fn bins(rows: &[Consistency]) -> Vec<Consistency> {
-    let each = rows.len().div_ceil(BINS).max(1);
-    let join = |c: &[Consistency]| Consistency {
-        span: [c[0].span[0], c[c.len() - 1].span[1]],
-        nis: c.iter().map(|c| c.nis).sum(),
-        expected: c.iter().map(|c| c.expected).sum(),
-    };
-    let mut bins: Vec<Consistency> =
-        rows.chunks(each).map(join).filter(|c| c.expected > 0.0).collect();
-    // a remainder of a few samples is joined to the bin before
-    if let [.., before, last] = bins[..]
-        && last.expected < 0.5 * before.expected
-    {
-        bins.truncate(bins.len() - 2);
-        bins.push(join(&[before, last]));
-    }
-    bins
-}
-
-/// Returns the band that contains the mean of `freedom` squared independent Gaussian variables with
-/// a probability of 95 %.
-pub(crate) fn band(freedom: f64) -> Option<[f64; 2]> {
-    let chi = ChiSquared::new(freedom).ok()?;
-    Some([0.025, 0.975].map(|p| chi.inverse_cdf(p) / freedom))
 }
 
 /// Plots the samples of a sensor, one panel per channel, as ranges if there are too many samples.

@@ -22,6 +22,25 @@ impl RunHistory {
             (position.travelled.truth >= 1.0).then(|| 100.0 * last / position.travelled.truth);
         Some((last, (squares / count.max(1) as f64).sqrt(), percent))
     }
+
+    /// Returns the 1-sigma that the run states of the horizontal error at the last known truth, m.
+    pub fn horizontal_sigma(&self) -> Option<f64> {
+        let sigma = &self.position()?.compared.as_ref()?.sigma;
+        Some(sigma.first()?.hypot(*sigma.get(1)?))
+    }
+
+    /// Returns the component with the largest ratio of error to sigma at the end, its error and its sigma.
+    pub fn worst_error(&self) -> Option<(&BlockHistory, usize, [f64; 2])> {
+        let blocks = self.blocks.iter().filter(|b| b.uncertain() && b.compared_to_the_end());
+        let all = blocks.flat_map(|b| {
+            let row = b.compared.iter();
+            let pairs = row.flat_map(|r| r.error.iter().zip(&r.sigma).map(|(e, s)| [*e, *s]));
+            pairs.enumerate().map(move |(k, pair)| (b, k, pair))
+        });
+        let ratio = |[error, sigma]: [f64; 2]| (error / sigma).abs();
+        all.filter(|(.., pair)| ratio(*pair).is_finite())
+            .max_by(|a, b| ratio(a.2).total_cmp(&ratio(b.2)))
+    }
 }
 
 impl BlockHistory {

@@ -257,6 +257,27 @@ fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
 }
 
 #[test]
+fn the_errors_at_the_end_have_the_sigma_that_the_run_states_beside_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let (history, _) = run(&[], folder.path());
+    let page = page::report(&history, None).unwrap();
+    let last = history.position().unwrap().compared.clone().unwrap();
+    let stated = last.sigma[0].hypot(last.sigma[1]);
+    let travelled = history.position().unwrap().travelled.truth;
+    let percent = 100.0 * stated / travelled;
+    let both = [format!("(stated: ± {stated:.2} m)"), format!("(stated: ± {percent:.3} %)")];
+    assert!(both.iter().all(|part| page.contains(part)), "{both:?}");
+    let (block, k, [error, sigma]) = history.worst_error().unwrap();
+    let row = block.compared.clone().unwrap();
+    assert_eq!([row.error[k], row.sigma[k]], [error, sigma]);
+    let ratio = (error / sigma).abs();
+    let (_, text) = page.split_once("Largest error at the end: ").unwrap();
+    let (text, _) = text.split_once("</li>").unwrap();
+    let begin = format!("<b>{ratio:.1} sigma</b>, of {} {}: ", block.name, block.axis(k));
+    assert!(text.starts_with(&begin) && text.contains(" ±\u{a0}"), "{text}");
+}
+
+#[test]
 fn a_run_without_truth_and_without_measurements_has_a_page_too() {
     let folder = tempfile::tempdir().unwrap();
     let settings = [

@@ -89,7 +89,7 @@ impl Health {
             Self::Gated => [255, 0, 200],
             Self::Rejected => [213, 94, 0],
             Self::Isolated => [160, 20, 60],
-            Self::Silent => [96, 100, 108],
+            Self::Silent => [186, 190, 198],
         }
     }
 }

@@ -21,6 +21,9 @@ pub enum VerdictLevel {
     DoNotUse,
 }
 
+/// Words for a verdict whose faults are all contained.
+pub const CONTAINED: &str = "usable, with a contained fault";
+
 impl VerdictLevel {
     /// Words for a person: `consistent`, `doubtful`, `do not use`.
     pub fn words(self) -> &'static str {
@@ -174,6 +177,16 @@ impl Verdict {
     pub fn without_reference(&self) -> Self {
         let others = self.reasons.iter().filter(|r| r.criterion != Criterion::Reference);
         Self::new(others.cloned().collect(), self.sensors.clone())
+    }
+
+    /// Words of the level for a person. A verdict whose faults are all contained is no reason not to use
+    /// the result.
+    pub fn words(&self) -> &'static str {
+        let contained = self.reasons.iter().all(|r| r.severity <= Severity::Contained);
+        match self.level {
+            VerdictLevel::Doubtful if contained => CONTAINED,
+            level => level.words(),
+        }
     }
 
     /// NIS of the sensor of that name.

@@ -253,7 +253,7 @@ impl SensorStatistics {
                 severity,
                 &self.name,
                 format!(
-                    "{} of {measured} samples were gated ({:.0} %; {:.1} expected)",
+                    "{} of {measured} samples were refused ({:.0} %; {:.1} expected)",
                     self.gated,
                     100.0 * share,
                     self.expected_gated

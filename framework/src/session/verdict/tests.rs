@@ -161,7 +161,7 @@ fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
     let found: Vec<Criterion> = report.reasons.iter().map(|r| r.criterion).collect();
     assert_eq!(found, [Criterion::Gated, Criterion::Rejected, Criterion::Unused]);
     assert!(
-        report.reasons[0].text.contains("30 of 30 samples were gated (100 %"),
+        report.reasons[0].text.contains("30 of 30 samples were refused (100 %"),
         "{:?}",
         report.reasons[0]
     );

@@ -1,15 +1,13 @@
 //! The headline of a run that goes on: the verdict so far and since when, and what the sensors do now.
 
-use crate::axis::{self, short};
+use crate::axis::short;
 use crate::run::Run;
+use crate::state::Component;
 use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::health::Health;
-use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::{CONTAINED, VerdictLevel};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
-
-/// Level of a verdict whose faults are all contained: they are no reason not to use the result.
-pub const CONTAINED: &str = "usable, with a contained fault";
 
 /// Writes the headline.
 pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {
@@ -67,13 +65,12 @@ fn write_now(page: &mut String, run: &Run) {
 fn write_sigma(page: &mut String, run: &Run) {
     let blocks = run.blocks.iter().filter(|block| block.is_position);
     for block in blocks {
-        let sigma = |k: usize| {
-            let c = &block.components[k];
-            let scale = axis::scale(c.unit, c.tally.sigma);
-            format!("{} {} {}", c.name, short(c.tally.sigma / scale.size), scale.unit)
-        };
-        let all: Vec<String> = (0..block.components.len()).map(sigma).collect();
-        let _ = writeln!(page, "\nSigma of the position now: {}.", all.join(", "));
+        let largest = block.components.iter().map(|c| c.tally.sigma).fold(0.0, f64::max);
+        let Some(first) = block.components.first() else { continue };
+        let scale = super::unit(first.unit, largest);
+        let sigma = |c: &Component| format!("{} {}", c.name, short(c.tally.sigma / scale.size));
+        let all: Vec<String> = block.components.iter().map(sigma).collect();
+        let _ = writeln!(page, "\nSigma of the position now: {} {}.", all.join(", "), scale.unit);
     }
 }
 

@@ -156,6 +156,16 @@ impl Comparison {
 }
 
 impl RunResult {
+    /// Words of the verdict.
+    pub(crate) fn words(&self) -> &'static str {
+        self.verdict.map_or("not judged", VerdictLevel::words)
+    }
+
+    /// Returns `true` for a verdict that doubts the run.
+    pub(crate) fn is_doubted(&self) -> bool {
+        self.verdict.is_some_and(|level| level != VerdictLevel::Consistent)
+    }
+
     fn new(run: &Run) -> Self {
         let history = &run.history;
         let horizontal = history.horizontal_error();

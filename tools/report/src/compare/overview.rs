@@ -12,6 +12,9 @@ pub fn page(comparison: &Comparison) -> String {
     let mut page = String::new();
     let letters: Vec<&str> = comparison.runs.iter().map(|r| r.letter.as_str()).collect();
     let _ = writeln!(page, "# {}\n", letters.join(" against "));
+    for run in &comparison.runs {
+        let _ = writeln!(page, "- **{}** {}: **{}**", run.letter, run.origin, run.words());
+    }
     let first = letters.first().copied().unwrap_or_default();
     states(&mut page, comparison, first);
     page.push_str("\n### Keys that differ\n\n");
@@ -34,8 +37,6 @@ pub fn page(comparison: &Comparison) -> String {
         }
     };
     let metres = |m: Option<f64>| m.map(|m| format!("{m:.2} m"));
-    row("of", &|r| Some(r.origin.clone()));
-    row("verdict", &|r| Some(format!("**{}**", r.verdict.map_or("not judged", |v| v.words()))));
     row("horizontal error at the end", &|r| metres(r.final_error_m));
     row("horizontal error, rms", &|r| metres(r.rms_error_m));
     row("warnings and errors", &|r| Some(r.warnings.to_string()));

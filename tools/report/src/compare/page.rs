@@ -4,7 +4,6 @@ use super::{Comparison, SensorCounts, StateNumbers};
 use crate::page::tables::number;
 use crate::page::{document, footer, picture, titled, untitled};
 use maud::{Markup, html};
-use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_figures::{Figure, FigureError};
 
 /// Ratio of a difference to its sigma above which it is marked.
@@ -27,9 +26,17 @@ pub fn comparison(
     let body = html! {
         header {
             h1 { (title) }
+            dl.facts {
+                @for run in &comparison.runs {
+                    div.bad[run.is_doubted()] {
+                        dt { (run.letter) ": " (run.origin) }
+                        dd { (run.words()) }
+                    }
+                }
+            }
             nav {
                 a href="#differs" { "What differs" } a href="#runs" { "Runs" }
-                a href="#sensors" { "Sensors" } a href="#states" { "States" }
+                a href="#sensors" { "Sensors" } a href="#end" { "States" }
                 a href="#figures" { "Figures" }
             }
         }
@@ -47,7 +54,7 @@ pub fn comparison(
             }
             section #runs { h2 { "Runs" } (runs(comparison)) }
             section #sensors { h2 { "Sensors" } (sensors(comparison)) }
-            section #states {
+            section #end {
                 h2 { "States at the end" }
                 (states(comparison))
                 p.note {
@@ -81,12 +88,11 @@ fn runs(comparison: &Comparison) -> Markup {
                         td.text { (run.origin) }
                         td { @if let Some(seed) = run.seed { (seed) } }
                         td { (format!("{:.1} s", run.duration_s)) }
-                        td { (metres(run.distance_m)) }
+                        td { @if let Some(distance) = run.distance_m { (format!("{distance:.0} m")) } }
                         td { (metres(run.final_error_m)) }
                         td { (metres(run.rms_error_m)) }
                         td { (run.warnings) }
-                        td.text class=[run.verdict.filter(|v| *v != VerdictLevel::Consistent)
-                                       .map(|_| "bad")] {
+                        td.text.bad[run.is_doubted()] {
                             (run.verdict_text.as_deref().unwrap_or("not judged"))
                         }
                     }
@@ -185,7 +191,8 @@ fn states(comparison: &Comparison) -> Markup {
             td { (shown(s.difference)) }
             td { (shown(s.difference_sigma)) }
             td class=[ratio.filter(|r| r.abs() > LARGE).map(|_| "bad")] {
-                @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
+                // no sign before a zero
+                @if let Some(ratio) = ratio { (format!("{:.1}", (10.0 * ratio).round() / 10.0 + 0.0)) }
             }
         }
     };

@@ -3,8 +3,8 @@
 use super::apart::{SAME, difference};
 use super::{Run, between, estimated, look, title, union};
 use crate::history::{BlockHistory, Row};
-use crate::plots::{band, bins, close_range, curve, label, over_time, tracks_from};
-use crate::sensors::Consistency;
+use crate::innovations::mean_nis;
+use crate::plots::{close_range, curve, label, over_time, tracks_from};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
 
 /// Length of a degree of latitude, m, near enough for the few metres of an error on a map.
@@ -210,19 +210,15 @@ fn sigmas(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Panel {
 
 /// The mean NIS of a sensor over time with the 95 % band of the first run that has it.
 fn nis(runs: &[Run], name: &str) -> Figure {
-    let middle = |c: &Consistency| 0.5 * (c.span[0] + c.span[1]);
     let mut curves = Vec::new();
     let mut bands = Vec::new();
     for (k, run) in runs.iter().enumerate() {
         let Some(sensor) = run.history.sensor(name) else { continue };
-        let bins = bins(sensor.updates.consistency.rows());
-        let mean = bins.iter().map(|c| [middle(c), c.nis / c.expected]);
-        curves.push(curve(&run.letter, look(k), mean));
-        if bands.is_empty() && !bins.is_empty() {
-            let edges =
-                bins.iter().filter_map(|c| band(c.expected).map(|[l, h]| [middle(c), l, h]));
-            bands.push(Band { name: "95 % band".into(), points: edges.collect() });
+        let (mean, edges) = mean_nis(sensor.updates.consistency.rows());
+        if bands.is_empty() && !mean.is_empty() {
+            bands.push(Band { name: "95 % band".into(), points: edges });
         }
+        curves.push(curve(&run.letter, look(k), mean.into_iter()));
     }
     let panel = over_time("", Axis::linear("mean NIS per channel"), curves, bands);
     figure(format!("nis-{name}"), &format!("NIS of {name}"), 1, vec![panel])

@@ -1,12 +1,13 @@
 //! Top of the page: facts of the run, and the results to inspect first.
 
+use super::tables;
 use crate::history::RunHistory;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::record::answers::Answers;
 use navfuse_core::model::record::finding::Severity;
-use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
+use navfuse_core::model::record::verdict::Verdict;
 
 /// Creates the list of facts of the run.
 pub(super) fn facts(history: &RunHistory) -> Markup {
@@ -28,27 +29,40 @@ pub(super) fn facts(history: &RunHistory) -> Markup {
 
 /// Creates the list of results to inspect first.
 pub(super) fn verdicts(history: &RunHistory) -> Markup {
-    let worst = worst(history);
+    let worst = history.worst_error();
     let level = history.level();
     html! {
         @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
         (judged(history.verdict.as_ref()))
         ul {
             @if let Some((last, rms, percent)) = history.horizontal_error() {
+                @let sigma = history.horizontal_sigma();
                 li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
+                    @if let Some(sigma) = sigma { (format!(" (stated: ± {sigma:.2} m)")) }
                     @if let Some(percent) = percent {
                         (format!(", {percent:.3} % of the distance"))
+                        @if let Some(sigma) = sigma.filter(|_| last > 0.0) {
+                            (format!(" (stated: ± {:.3} %)", percent * sigma / last))
+                        }
                     }
                     (format!("; {rms:.2} m rms.")) }
             }
-            @if let Some((name, ratio)) = &worst {
-                li class=[(*ratio > 4.0).then_some("bad")] {
-                    "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
-                    ", of " (name)
-                    @if history.compared_with() == "reference" { ", against the reference" }
-                    @if *ratio > 4.0 {
-                        ": for a consistent sigma, only one error in " (one_in(*ratio))
+            @if let Some((block, k, [error, sigma])) = worst {
+                @let ratio = (error / sigma).abs();
+                @let large = ratio > 4.0 && history.compared_with() == "truth";
+                li.bad[large] {
+                    @if history.compared_with() == "truth" { "Largest error at the end: " }
+                    @else { "Largest difference from the reference at the end: " }
+                    b { (format!("{ratio:.1} sigma")) }
+                    ", of " (block.name) " " (block.axis(k)) ": "
+                    (tables::with_sigma(error, sigma))
+                    @if !block.unit.is_empty() { " " (block.unit) }
+                    @if large {
+                        "; for a consistent sigma, only one error in " (one_in(ratio))
                         " is that large"
+                    }
+                    @if history.compared_with() == "reference" {
+                        "; the sigma leaves out the reference's own error"
                     }
                     "."
                 }
@@ -77,19 +91,34 @@ pub(super) fn verdicts(history: &RunHistory) -> Markup {
                 }
             }
             @if level > Level::Info {
-                li { a href="#events" { "There are warnings or errors." } }
+                li { a href="#events" { (loud(history)) } }
             }
         }
     }
 }
 
+/// Counts the warnings and errors among the events, in words.
+fn loud(history: &RunHistory) -> String {
+    let count = |level| history.events.iter().filter(|e| e.level == level).count();
+    let words = |count: usize, what: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {what}")),
+        _ => Some(format!("{count} {what}s")),
+    };
+    let both = [(Level::Error, "error"), (Level::Warning, "warning")];
+    let both: Vec<String> =
+        both.into_iter().filter_map(|(level, what)| words(count(level), what)).collect();
+    format!("{} among the events", both.join(" and "))
+}
+
 /// Creates the verdict with its reasons and remedies.
 fn judged(verdict: Option<&Verdict>) -> Markup {
-    let bad = verdict.is_some_and(|v| v.level != VerdictLevel::Consistent);
+    // a contained fault is no reason not to use the result
+    let bad = verdict.is_some_and(|v| v.reasons.iter().any(|r| r.severity > Severity::Contained));
     html! {
         p.verdict.bad[bad] {
             "Verdict: "
-            b { (verdict.map_or("not judged", |v| v.level.words())) }
+            b { (verdict.map_or("not judged", Verdict::words)) }
             @if verdict.is_none() {
                 ". The log holds no verdict, and its filter could not run again."
             }
@@ -155,20 +184,4 @@ pub(super) fn seconds(s: f64) -> String {
 /// Returns the number of uncertain components.
 fn number_of_states(history: &RunHistory) -> usize {
     history.blocks.iter().filter(|b| b.uncertain()).map(|b| b.components.len()).sum()
-}
-
-/// Returns the component with the largest ratio of error to sigma at the end, and that ratio.
-fn worst(history: &RunHistory) -> Option<(String, f64)> {
-    let blocks = history.blocks.iter().filter(|b| b.uncertain() && b.compared_to_the_end());
-    let all = blocks.flat_map(|b| {
-        let row = b.compared.as_ref();
-        let ratios = row
-            .map(|r| r.error.iter().zip(&r.sigma).map(|(e, s)| (e / s).abs()).collect::<Vec<_>>());
-        ratios
-            .into_iter()
-            .flatten()
-            .enumerate()
-            .map(|(k, ratio)| (format!("{} {}", b.name, b.axis(k)), ratio))
-    });
-    all.filter(|(_, ratio)| ratio.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }

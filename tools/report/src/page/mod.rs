@@ -7,6 +7,7 @@ mod strips;
 pub(crate) mod tables;
 
 use crate::history::{BlockHistory, RunHistory};
+use crate::innovations::{innovations, nis};
 use crate::{plots, quality};
 use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -165,9 +166,9 @@ pub fn report(
                 h2 { "Result" }
                 (verdicts(history))
                 (strips::strips(history))
-                (tables::findings(&history.findings))
+                (tables::findings(history))
                 h3 { "Navigation at the end" }
-                (tables::end(&moving))
+                (tables::end(&moving, compared_with))
             }
             (tables::smoothing(history, SMOOTHING))
             @if let Some(figure) = plots::trajectory(history) {
@@ -190,6 +191,7 @@ pub fn report(
                     @else { "Result: the last estimate. " }
                     "A remaining sigma near 1 means that the run held no information on the state."
                 }
+                (tables::fixed(history))
             }
             @if let Some(found) = &history.sensitivity {
                 section id=(SENSITIVITY) { h2 { "Sensitivity" } (sensitivity::table(found)) }
@@ -217,16 +219,16 @@ pub fn report(
                         (picture(&labelled(&figure, compared_with), &html! {})?)
                     }
                 }
-                (tables::fixed(history))
             }
             section #innovations {
                 h2 { "Innovations" }
                 @if measuring().next().is_none() { p { "No sensor corrected the state." } }
                 @for sensor in measuring() {
                     h3 { (sensor.name) }
-                    @let figures = [plots::innovations(sensor), plots::nis(sensor)];
-                    @for figure in figures.iter().flatten() {
-                        (picture(figure, &tables::shown(sensor))?)
+                    @let place = history.position().map(|p| &p.last);
+                    @let figures = [innovations(sensor, place), nis(sensor)];
+                    @for (k, figure) in figures.iter().flatten().enumerate() {
+                        (picture(figure, &html! { @if k == 1 { (tables::shown(sensor)) } })?)
                     }
                 }
             }

@@ -29,12 +29,14 @@ pub(crate) fn number(value: f64, sigma: f64) -> String {
     }
 }
 
-/// Creates the cells of an error and of its ratio to sigma.
-fn judged(error: Option<(f64, f64)>) -> Markup {
+/// Creates the cells of an error and of its ratio to sigma, which is marked where it is large. A recorded
+/// reference has an error of its own, and marks nothing.
+fn judged(error: Option<(f64, f64)>, compared_with: &str) -> Markup {
     let ratio = error.filter(|e| e.1 > 0.0).map(|(error, sigma)| error / sigma);
+    let bad = ratio.is_some_and(|r| r.abs() > 3.0) && compared_with == "truth";
     html! {
         td { @if let Some((error, sigma)) = error { (number(error, sigma)) } }
-        td class=[ratio.filter(|r| r.abs() > 3.0).map(|_| "bad")] {
+        td.bad[bad] {
             @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
         }
     }
@@ -48,11 +50,12 @@ fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
 }
 
 /// Creates the table of the states that move, at the end.
-pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
+pub(super) fn end(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
+    let error = if compared_with == "truth" { "error" } else { "minus reference" };
     html! {
         div.wide { table {
             thead { tr {
-                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { "error" }
+                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { (error) }
                 th { "error/" wbr; "sigma" } th.name { "unit" }
             } }
             tbody {
@@ -68,7 +71,7 @@ pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
                             td {
                                 @if block.uncertain() { (number(sigma, sigma)) } @else { "fixed" }
                             }
-                            (judged(last_error(block, k)))
+                            (judged(last_error(block, k), compared_with))
                             td.name { (block.unit) }
                         }
                     }
@@ -81,6 +84,9 @@ pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
 /// Creates the table of the constant states: the prior and the result, of the filter and of the
 /// smoother where the run is smoothed.
 pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
+    // those that are held fixed stand below the table
+    let listed = blocks.iter().copied().filter(|b| b.uncertain() || b.corrected.is_some());
+    let blocks: Vec<&BlockHistory> = listed.collect();
     let with_truth = blocks.iter().any(|b| b.compared.is_some());
     let smoothed = blocks.iter().any(|b| b.filtered.is_some());
     html! {
@@ -113,7 +119,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                                         @if let Some(found) = &block.corrected {
                                             (with_sigma(found.estimate[k], found.sigma[k]))
                                             " since " (seconds(found.since.seconds()))
-                                        } @else { "fixed" }
+                                        }
                                     }
                                 }
                                 @if with_truth {
@@ -122,7 +128,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                                             (number(result.estimate[k] - e, s))
                                         }
                                     }
-                                    (judged(error))
+                                    (judged(error, compared_with))
                                 }
                                 td {
                                     @if block.uncertain() && prior.sigma[k] > 0.0 {
@@ -154,7 +160,8 @@ fn estimate(row: &Row, k: usize) -> String {
     with_sigma(row.estimate[k], row.sigma[k])
 }
 
-fn with_sigma(value: f64, sigma: f64) -> String {
+/// Formats a value with its 1-sigma.
+pub(super) fn with_sigma(value: f64, sigma: f64) -> String {
     format!("{} ±\u{a0}{}", number(value, sigma), number(sigma, sigma))
 }
 
@@ -334,11 +341,20 @@ pub(super) fn derived(derived: &Derived) -> Markup {
     }
 }
 
-/// Creates the table of the findings, if there are any.
-pub(super) fn findings(findings: &[Finding]) -> Markup {
+/// Creates the table of the findings that the reasons of the verdict do not have, if there are any.
+pub(super) fn findings(history: &RunHistory) -> Markup {
+    let reasons = history.verdict.iter().flat_map(|verdict| &verdict.reasons);
+    let reasons: Vec<_> = reasons.collect();
+    let known = |f: &&Finding| {
+        let at = f.time.to_string();
+        reasons
+            .iter()
+            .any(|r| r.about == f.about && r.text.contains(&f.text) && r.text.contains(&at))
+    };
+    let findings: Vec<&Finding> = history.findings.iter().filter(|f| !known(f)).collect();
     html! {
         @if !findings.is_empty() {
-            h3 { "Findings" }
+            h3 { "Further findings" }
             div.wide { table.events {
                 tbody {
                     @for finding in findings {
