@@ -1,11 +1,12 @@
 //! `navfuse list`.
 
 use crate::error::{CommandError, Result};
+use crate::output::terminal::{Detail, Stream};
 use crate::output::{line, table};
 use clap::Args;
 use navfuse_core::document::did_you_mean;
 use navfuse_core::plugin::{Entry, Kind, Registry};
-use navfuse_core::run::schema::parameters;
+use navfuse_core::run::schema::{Parameter, parameters};
 use std::process::ExitCode;
 
 /// Arguments of `list`.
@@ -19,6 +20,8 @@ pub struct List {
     pub name: Option<String>,
 }
 
+/// Width of the terminal below which the meanings of parameters stand below them, columns.
+const WIDE: usize = 110;
 /// Text below a table with calibration keys.
 const CALIBRATION: &str = "\
 A calibration is a value, held fixed, or a table: initial, sigma, truth (for the simulator),
@@ -57,18 +60,34 @@ fn parameters_of(registry: &Registry, name: &str) -> Result<ExitCode> {
     }
     for entry in entries {
         line(format_args!("[{}.{}]\n{}\n", entry.kind.table(), entry.name, description(entry)));
-        let mut rows = table(&["key", "takes", "default", "meaning"]);
         let parameters = parameters(entry);
         let calibrated = parameters.iter().any(|p| p.takes.starts_with("calibration"));
-        for p in parameters {
-            rows.add_row([p.key, p.takes, p.default, p.meaning]);
+        let narrow = Stream::Output.width().is_some_and(|width| width < WIDE);
+        if narrow && !Detail::is_quiet() {
+            parameters.iter().for_each(below_each_other);
+        } else {
+            let mut rows = table(&["key", "takes", "default", "meaning"]);
+            for p in parameters {
+                rows.add_row([p.key, p.takes, p.default, p.meaning]);
+            }
+            line(format_args!("{rows}\n"));
         }
-        line(format_args!("{rows}\n"));
         if calibrated {
             line(CALIBRATION);
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints a parameter with its meaning below it: a column beside three others would have two words a line.
+fn below_each_other(p: &Parameter) {
+    let default = match p.default.as_str() {
+        "-" => String::new(),
+        "(required)" => ", required".to_owned(),
+        default => format!(", default {default}"),
+    };
+    line(format_args!("{}: {}{default}", p.key, p.takes));
+    line(format_args!("    {}\n", p.meaning));
 }
 
 fn description(entry: &Entry) -> String {

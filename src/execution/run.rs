@@ -169,9 +169,15 @@ pub fn print(
         }
         output::line(result);
     }
-    output::run::events(events);
+    let verdict = &finished.summary.verdict;
+    // the reasons of the verdict follow
+    if text && !Detail::is_quiet() {
+        output::run::events(&output::run::unstated(events, verdict));
+    } else {
+        output::run::events(events);
+    }
     if text {
-        output::run::verdict(&finished.summary.verdict);
+        output::run::verdict(verdict);
     }
     Ok(())
 }

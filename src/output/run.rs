@@ -3,13 +3,16 @@
 use super::terminal::{Detail, Tone};
 use super::{Table, line, marked_line, marked_table, right, table, warn};
 use navfuse_core::model::record::answers::Answers;
-use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
+use navfuse_core::model::record::verdict::{Reason, Verdict, VerdictLevel};
 use navfuse_core::model::record::{Event, Level, Record, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::session::summary::{Recorded, StateRow, Summary};
 use navfuse_core::smooth::QualityReport;
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;
+
+/// Length of the end of a warning, bytes, from which on it is printed once.
+const REPEATED: usize = 40;
 
 /// Prints the result of a run.
 pub fn summary(summary: &Summary) {
@@ -239,12 +242,46 @@ pub fn events(events: &[Event]) {
         Detail::Usual => 20,
         Detail::Verbose => usize::MAX,
     };
-    events.iter().filter(|e| e.level < Level::Error).take(shown).for_each(|e| event(e, 0));
+    let short = without_repetition(events);
+    short.iter().filter(|e| e.level < Level::Error).take(shown).for_each(|e| event(e, 0));
     let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(shown);
     if more > 0 && Detail::get() != Detail::Quiet {
         warn(format_args!("and {more} more warnings: see the log"));
     }
-    events.iter().filter(|e| e.level == Level::Error).for_each(|e| event(e, 0));
+    short.iter().filter(|e| e.level == Level::Error).for_each(|e| event(e, 0));
+}
+
+/// The events without those that a reason of the verdict states, which is printed after them.
+pub fn unstated(events: &[Event], verdict: &Verdict) -> Vec<Event> {
+    let states = |reason: &Reason, event: &Event| {
+        let whole = match reason.remedy.as_str() {
+            "" => reason.text.clone(),
+            remedy => format!("{}; {remedy}", reason.text),
+        };
+        reason.about == event.about
+            && whole.ends_with(&event.text)
+            && reason.text.contains(&event.time.to_string())
+    };
+    let stated = |event: &Event| verdict.reasons.iter().any(|reason| states(reason, event));
+    events.iter().filter(|event| !stated(event)).cloned().collect()
+}
+
+/// The events, of which one that ends as an earlier one about the same part, such as with the same remedy,
+/// refers to that.
+fn without_repetition(events: &[Event]) -> Vec<Event> {
+    let repeated = |(k, event): (usize, &Event)| {
+        let parts = event.text.match_indices([',', ';']).map(|(at, _)| at);
+        let mut long = parts.filter(|at| event.text.len() - at >= REPEATED);
+        let before = |tail: &str| {
+            events[..k].iter().any(|e| e.about == event.about && e.text.ends_with(tail))
+        };
+        let mut short = event.clone();
+        if let Some(at) = long.find(|at| before(&event.text[*at..])) {
+            short.text = format!("{}: see above", &event.text[..at]);
+        }
+        short
+    };
+    events.iter().enumerate().map(repeated).collect()
 }
 
 /// Prints an event on standard error, and the number of those about its part that are in the log alone.
@@ -283,4 +320,39 @@ impl Sink for Notes {
 /// The time of an event with a space, or nothing for one without a time.
 pub fn when(event: &Event) -> String {
     if event.time == Time::MIN { String::new() } else { format!("{} ", event.time) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::model::record::finding::Severity;
+    use navfuse_core::model::record::verdict::Criterion;
+
+    fn warning(seconds: i64, text: &str) -> Event {
+        let time = Time::from_nanos(seconds * 1_000_000_000);
+        Event { time, level: Level::Warning, about: "dvl".into(), text: text.into() }
+    }
+
+    #[test]
+    fn a_finding_is_printed_once_as_a_reason_and_a_remedy_once_as_a_warning() {
+        let (text, remedy) = ("at 310.500 s: its lever arm is wrong".into(), "measure it".into());
+        let (criterion, severity) = (Criterion::Finding, Severity::DoNotUse);
+        let reason = Reason { criterion, severity, about: "dvl".into(), text, remedy };
+        let verdict = Verdict::new(vec![reason], Vec::new());
+        let found = |ms: i64| Event {
+            time: Time::from_nanos(ms * 1_000_000),
+            ..warning(0, "its lever arm is wrong; measure it")
+        };
+        let events = [found(310_500), found(320_000), warning(400, "lost")];
+        assert_eq!(unstated(&events, &verdict), events[1..]);
+        let mean = |mean: &str| {
+            format!(
+                "velocity z has a mean of {mean}, where a filter has none; look at the sensor, at its axes"
+            )
+        };
+        let events = [warning(10, &mean("1")), warning(20, &mean("2")), warning(30, "lost; look")];
+        let short: Vec<String> = without_repetition(&events).into_iter().map(|e| e.text).collect();
+        assert_eq!(short[0], mean("1"));
+        assert_eq!(short[1..], ["velocity z has a mean of 2: see above", "lost; look"]);
+    }
 }
