@@ -304,6 +304,11 @@ pub trait Linearised: Estimator {
         self.base().considered()
     }
 
+    /// Lets every sample pass its gate, until the estimator returns to a snapshot.
+    fn open_gates(&mut self) {
+        self.base_mut().open_gates();
+    }
+
     /// Linearises at a trajectory from the start on. The caller must do this before the filter
     /// starts. A snapshot does not contain the trajectory.
     fn follow_course(&mut self, course: Box<dyn Course>) {

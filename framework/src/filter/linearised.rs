@@ -46,6 +46,10 @@ impl Linearised for Ekf {
     fn considered(&self) -> &[bool] {
         &self.considered
     }
+    fn open_gates(&mut self) {
+        let slots = self.parts.sensors.iter_mut();
+        slots.for_each(|slot| slot.thresholds.fill(f64::INFINITY));
+    }
     fn follow_course(&mut self, course: Box<dyn Course>) {
         self.follow_course(course);
     }

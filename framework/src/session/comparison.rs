@@ -75,6 +75,11 @@ impl Compared {
         }
     }
 
+    /// Forgets a comparison of another time.
+    pub(crate) fn forget_unless_at(&mut self, time: Time) {
+        self.time = self.time.filter(|own| *own == time);
+    }
+
     /// True if the comparison is recent enough to hold at the end.
     pub(crate) fn holds_at(&self, end: Time) -> bool {
         self.time.is_some_and(|time| end.since(time) <= (2.0 * self.interval).max(2.0))

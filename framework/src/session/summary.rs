@@ -203,6 +203,12 @@ impl Statistics {
         self.comparison.epoch(epoch);
     }
 
+    /// Forgets the comparisons of another time: the estimate has changed since.
+    pub(crate) fn forget_comparisons(&mut self, time: Time) {
+        let others = self.comparison.compared.iter_mut();
+        others.for_each(|compared| compared.forget_unless_at(time));
+    }
+
     /// Takes a smoothed estimate.
     pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
         self.smoothed.get_or_insert_with(|| Comparison::new(epoch.layout)).epoch(epoch);

@@ -4,7 +4,7 @@
 use super::adjoint::Correction;
 use super::segment::{Kind, Segment};
 use crate::compose::course::Course;
-use crate::model::record::Observer;
+use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
 use crate::state::{Layout, State};
 use crate::units::sample::SensorId;
@@ -15,6 +15,10 @@ use std::io;
 /// samples, and misses no more than the process noise of this time.
 const SPACING: Span = Span::from_nanos(100_000_000);
 
+/// Number of gated samples in a row with which a sensor contradicts the estimate, as for the warning
+/// of a lock-out.
+const IN_A_ROW: u32 = 5;
+
 /// Records of a filter, or of a pass, from its start on.
 pub(super) struct Records {
     segment: Segment,
@@ -22,16 +26,51 @@ pub(super) struct Records {
     pub(super) start: Option<Time>,
     /// Time of the last recorded state.
     last: Option<Time>,
+    /// Sensors that contradict the estimate.
+    pub(super) gated: Gated,
+}
+
+/// Number of times in a row that the gate refused the same channels of a sensor.
+#[derive(Default)]
+pub(super) struct Gated(Vec<Row>);
+
+struct Row {
+    sensor: SensorId,
+    present: u16,
+    count: u32,
+}
+
+impl Gated {
+    fn take(&mut self, update: &UpdateRecord<'_>) {
+        let UpdateRecord { sensor, present, .. } = *update;
+        let refused =
+            matches!(update.outcome, Outcome::Gated | Outcome::Rejected(Rejection::Isolated));
+        let own = self.0.iter_mut().filter(|row| row.sensor == sensor);
+        if !refused {
+            let within = own.filter(|row| row.present & !present == 0);
+            within.for_each(|row| row.count = 0);
+        } else if let Some(row) = own.into_iter().find(|row| row.present == present) {
+            row.count += 1;
+        } else {
+            self.0.push(Row { sensor, present, count: 1 });
+        }
+    }
+
+    /// Returns `true` if the last samples of a sensor contradict the estimate.
+    pub(super) fn contradict(&self) -> bool {
+        self.0.iter().any(|row| row.count >= IN_A_ROW)
+    }
 }
 
 impl Records {
     pub(super) fn new(layout: &Layout, considers: bool) -> Self {
-        Self { segment: Segment::new(layout, considers), start: None, last: None }
+        let segment = Segment::new(layout, considers);
+        Self { segment, start: None, last: None, gated: Gated::default() }
     }
 
     pub(super) fn clear(&mut self) {
         self.segment.clear();
-        (self.start, self.last) = (None, None);
+        (self.start, self.last, self.gated) = (None, None, Gated::default());
     }
 
     /// Records that the estimate `c [+] d` has become the state, with the injected error.
@@ -39,8 +78,8 @@ impl Records {
         self.segment.injection(delta);
     }
 
-    /// Computes the smoothed trajectory `x [+] (d + P lambda)`.
-    pub(super) fn smooth(&mut self, layout: &Layout, considered: &[bool]) -> Points {
+    /// Computes the smoothed trajectory `x [+] (d + P lambda)`, or that `part` of the way to it.
+    pub(super) fn smooth(&mut self, layout: &Layout, considered: &[bool], part: f64) -> Points {
         let n = layout.tangent;
         self.segment.end_product();
         let mut patterns = self.segment.take_patterns();
@@ -62,7 +101,10 @@ impl Records {
                     adjoint.project(triangle, &mut delta);
                     let kept = delta.iter_mut().zip(considered).filter(|(_, kept)| **kept);
                     kept.for_each(|(delta, _)| *delta = 0.0);
-                    delta.iter_mut().zip(offset).for_each(|(delta, d)| *delta += d);
+                    delta
+                        .iter_mut()
+                        .zip(offset)
+                        .for_each(|(delta, d)| *delta = part * (*delta + d));
                     from.values.copy_from_slice(state);
                     layout.displace(&from, &mut delta, &mut to);
                     points.times.push(Time::from_nanos(time[0].to_bits().cast_signed()));
@@ -77,6 +119,9 @@ impl Records {
 }
 
 impl Observer for Records {
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.gated.take(update);
+    }
     fn transition(&mut self, transition: &Transition) {
         self.segment.transition(transition);
     }
@@ -156,5 +201,38 @@ impl Course for Points {
             }
         }
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn update(sensor: usize, present: u16, outcome: Outcome) -> UpdateRecord<'static> {
+        UpdateRecord {
+            time: Time::MIN,
+            sensor: SensorId(sensor),
+            outcome,
+            nis: 0.0,
+            threshold: 0.0,
+            present,
+            innovation: &[],
+            covariance: &[],
+        }
+    }
+
+    /// The velocities of a receiver are refused, and its positions are used.
+    #[test]
+    fn channels_that_are_refused_five_times_in_a_row_contradict_whatever_others_do() {
+        let mut gated = Gated::default();
+        for k in 0..5 {
+            assert!(!gated.contradict(), "{k}");
+            gated.take(&update(0, 0b000_111, Outcome::Accepted));
+            gated.take(&update(0, 0b111_000, Outcome::Gated));
+            gated.take(&update(1, 0b111_000, Outcome::Accepted));
+        }
+        assert!(gated.contradict());
+        gated.take(&update(0, 0b111_111, Outcome::Accepted));
+        assert!(!gated.contradict());
     }
 }

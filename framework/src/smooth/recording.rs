@@ -1,8 +1,8 @@
 //! What a filter and its passes show to their records, and to the observer of the run.
 
 use super::means::Records;
-use crate::model::record::Observer;
 use crate::model::record::finding::{Basis, Finding};
+use crate::model::record::{Observer, UpdateRecord};
 use crate::state::State;
 use crate::state::covariance::{Covariance, Transition, Update};
 
@@ -23,6 +23,9 @@ pub(super) struct Pass<'a> {
 }
 
 impl Observer for Pass<'_> {
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.records.update(update);
+    }
     fn transition(&mut self, transition: &Transition) {
         self.records.transition(transition);
         self.observer.transition(transition);
@@ -50,6 +53,10 @@ pub(super) struct Recording<'a> {
 impl Observer for Recording<'_> {
     fn behind(&mut self) -> Option<&mut dyn Observer> {
         Some(self.observer)
+    }
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.records.update(update);
+        self.observer.update(update);
     }
     fn transition(&mut self, transition: &Transition) {
         self.records.transition(transition);

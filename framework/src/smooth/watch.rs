@@ -59,8 +59,8 @@ impl Watch {
         !matters_later(weight.max(moving))
     }
 
-    /// Returns `true` if passes at the end of the run change its estimate.
-    pub(super) fn ends_with_passes(self, weight: f64, time: f64) -> bool {
+    /// Returns `true` if passes at that time change the estimate.
+    pub(super) fn matters(self, weight: f64, time: f64) -> bool {
         self.last.is_some() || Product::matters(weight, time)
     }
 }
