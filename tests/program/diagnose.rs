@@ -149,6 +149,19 @@ fn axes(draw: &mut Draw) -> Case {
     fault(sensor, rate, &faults.join(", "), format!("{sensor}: axes {}", words.join(", ")))
 }
 
+/// One channel whose range is set apart from the others'.
+fn channel(draw: &mut Draw) -> Case {
+    let (sensor, rate, channel) = draw.one(&[
+        ("imu", 25, "accel_x"),
+        ("imu", 25, "accel_z"),
+        ("imu", 25, "gyro_z"),
+        ("dvl", 4, "vel_x"),
+    ]);
+    let (size, words) = draw.one(&[("100 %", "doubled"), ("-50 %", "halved")]);
+    let faults = format!("{{ type = \"scale\", size = \"{size}\", channels = [\"{channel}\"] }}");
+    fault(sensor, rate, &faults, format!("{sensor}: {channel} {words}"))
+}
+
 fn bias(draw: &mut Draw) -> Case {
     let axis = draw.one(&["x", "y", "z"]);
     let gyro = draw.0.uniform() < 0.5;
@@ -240,9 +253,14 @@ fn a_run_names_the_turned_axes_of_an_imu_without_a_diagnosis() {
 }
 
 pub(crate) fn run(text: &str, settings: &[String]) -> Diagnosis {
+    run_within(30.0, text, settings)
+}
+
+/// The diagnosis where the runs of all changes have that time, s.
+fn run_within(seconds: f64, text: &str, settings: &[String]) -> Diagnosis {
     let mut document = Document::parse("dive.toml", text).expect("the scenario is TOML");
     settings.iter().for_each(|s| document.set(s).expect("the setting is one"));
-    let options = Options { threads: 2, seconds: 30.0 };
+    let options = Options { threads: 2, seconds };
     let (registry, stop) = (navfuse::standard_plugins(), AtomicBool::new(false));
     diagnose(&registry, &document, &options, &stop, &|_, _| {}).expect("the scenario runs")
 }
@@ -276,12 +294,13 @@ fn the_page_of_a_diagnosis_has_the_remedy_that_the_command_prints() {
 #[test]
 fn the_change_that_mends_a_fault_comes_first() {
     type Kind = (&'static str, fn(&mut Draw) -> Case);
-    let kinds: [Kind; 8] = [
+    let kinds: [Kind; 9] = [
         ("lag", lag),
         ("leap seconds", leap_seconds),
         ("sign", sign),
         ("unit", unit),
         ("axes", axes),
+        ("channel", channel),
         ("bias", bias),
         ("noise", noise),
         ("calibration", calibration),
@@ -303,6 +322,26 @@ fn the_change_that_mends_a_fault_comes_first() {
     }
     assert!(20 * wrong.len() <= count, "{} of {count}: {wrong:#?}", wrong.len());
     assert!(20 * mended >= 19 * count, "{mended} of {count} are consistent");
+}
+
+/// The receiver's first fix comes 70 s after the start, ten seconds after the part on which each change is
+/// tried where there is little time.
+#[test]
+fn a_fault_that_shows_after_a_minute_is_named_where_there_is_little_time() {
+    let more = r#"
+  { type = "cruise", duration = "20 s" },
+  { type = "turn", duration = "15 s", angle = "120 deg" },
+  { type = "cruise", duration = "15 s" },
+  { type = "turn", duration = "15 s", angle = "-90 deg" },
+  { type = "cruise", duration = "10 s" },
+]"#;
+    let (head, _) = DIVE.rsplit_once(']').expect("the segments end");
+    let text = format!("{head}{more}");
+    let late = "sensor.gnss.simulation={ rate = \"2 Hz\", outages = [[\"0 s\", \"70 s\"]], faults = \
+                [{ type = \"clock-offset\", size = \"18 s\" }] }";
+    let diagnosis = run_within(0.1, &text, &[late.to_owned()]);
+    let best = diagnosis.best().map(|best| best.change.as_str());
+    assert_eq!(best, Some("gnss: clock -18 s"));
 }
 
 #[test]

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// Changes that are tried on all samples.
 const BEST: usize = 10;
-/// Shortest part of the samples, s.
+/// Shortest part of the samples, and the part from the first finding on, s.
 const SHORTEST: f64 = 60.0;
 /// Score from which the samples favour a change: odds of 150 : 1.
 pub(crate) const CLEAR: f64 = 10.0;
@@ -77,7 +77,7 @@ impl<'a> Search<'a> {
         let base = run(self.scene, &unchanged, last, &self.scales, self.stop)?;
         let causes = self.scene.causes();
         let count = causes.len();
-        let part = self.part(one, count, first, last);
+        let part = self.part(one, count, base.found, (first, last));
         let mut runs = self.all(causes, part);
         let (tried, stopped) = (runs.len(), self.stop.load(Ordering::Relaxed));
         let unfit = if stopped { 0 } else { count - tried };
@@ -114,15 +114,23 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// The end of the part of the samples on which every change is tried within the time.
-    fn part(&self, one: Duration, count: usize, first: Time, last: Time) -> Time {
+    /// The end of the part of the samples on which every change is tried within the time. A fault that begins
+    /// later than that takes longer: the part then ends after the first finding.
+    fn part(
+        &self,
+        one: Duration,
+        count: usize,
+        found: Option<Time>,
+        (first, last): (Time, Time),
+    ) -> Time {
         let whole = one.as_secs_f64() * count as f64 / self.options.threads.max(1) as f64;
         let share = self.options.seconds / whole.max(1e-9);
         let span = last.since(first);
         if share >= 1.0 {
             return last;
         }
-        let part = (share * span).max(SHORTEST).min(span);
+        let contradicted = found.map_or(0.0, |found| found.since(first) + SHORTEST);
+        let part = (share * span).max(SHORTEST).max(contradicted).min(span);
         Span::from_seconds(part).map_or(last, |part| first + part)
     }
 

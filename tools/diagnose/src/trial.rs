@@ -29,6 +29,8 @@ pub(crate) struct Outcome {
     pub position: Option<[f64; 3]>,
     /// State that the change makes uncertain.
     pub estimate: Option<StateRow>,
+    /// Time of the first finding that is more than a note.
+    pub found: Option<Time>,
     /// Set if the run was interrupted.
     pub interrupted: bool,
 }
@@ -48,6 +50,7 @@ pub(crate) fn run(
     let sinks = vec![("likelihood".to_owned(), Box::new(likelihood) as _)];
     let mut finished = runner::run(Assembly { composition, sources, sinks }, stop, |_| {});
     let likelihood = finished.take_sink::<Likelihood>().unwrap_or_default();
+    let found = found(&finished);
     Ok(Outcome {
         densities: likelihood.densities(),
         scales: likelihood.scales(),
@@ -60,6 +63,7 @@ pub(crate) fn run(
             .state
             .as_ref()
             .and_then(|state| finished.summary.rows.into_iter().find(|row| row.name == state.name)),
+        found,
         interrupted: finished.interrupted,
     })
 }
@@ -79,6 +83,12 @@ fn blind(finished: &Finished) -> (VerdictLevel, Option<String>) {
     let level = if finished.error.is_some() { VerdictLevel::DoNotUse } else { verdict.level };
     let doubt = verdict.reasons.into_iter().find(|reason| reason.severity > Severity::Note);
     (level, doubt.map(|reason| reason.about))
+}
+
+/// Time of the first finding that is more than a note.
+fn found(finished: &Finished) -> Option<Time> {
+    let findings = finished.findings.iter().filter(|finding| finding.severity > Severity::Note);
+    findings.map(|finding| finding.time).min()
 }
 
 /// Largest error of the components of a state, in units of its sigma.

@@ -47,6 +47,9 @@ const ACCELERATIONS: [Unit; 6] = [
     (0.5, "doubled"),
 ];
 
+/// Ranges of a channel that are set apart.
+const SINGLE: [Unit; 2] = [(2.0, "halved"), (0.5, "doubled")];
+
 fn units(suffix: &str) -> &'static [Unit] {
     match suffix {
         "m" => &LENGTHS,
@@ -57,7 +60,18 @@ fn units(suffix: &str) -> &'static [Unit] {
     }
 }
 
-/// Changes of the unit of all channels that share one, and of the sign of each channel.
+/// One of several channels that has another scale than the rest.
+fn single(sensor: &Instrument, document: &Document, same: &[usize]) -> Vec<Patch> {
+    let choices = same.len() * SINGLE.len();
+    let all = same.iter().flat_map(|k| SINGLE.map(|(factor, what)| (*k, factor, what)));
+    let patch = |(k, factor, what)| {
+        let text = format!("{} {what}", sensor.info.channel(k));
+        factors(document, sensor, &text, choices, &[(k, factor)])
+    };
+    all.map(patch).collect()
+}
+
+/// Changes of the unit of all channels that share one, and of the scale and the sign of each channel.
 pub(super) fn changed(sensor: &Instrument, document: &Document) -> Vec<Patch> {
     let count = sensor.used;
     let channels = || (0..count).map(|k| (k, sensor.info.channels[k].unit.suffix()));
@@ -77,6 +91,7 @@ pub(super) fn changed(sensor: &Instrument, document: &Document) -> Vec<Patch> {
             all.push(factors(document, sensor, &text, units.len(), &changed));
         }
         if same.len() > 1 {
+            all.extend(single(sensor, document, &same));
             let text = format!("{} with the other sign", names.join(", "));
             let changed: Vec<(usize, f64)> = same.iter().map(|k| (*k, -1.0)).collect();
             all.push(factors(document, sensor, &text, 2, &changed));
