@@ -113,9 +113,29 @@ pub fn short(x: f64) -> String {
     }
 }
 
+/// Size of a length from which on tables have it in metres, m.
+const METRES: f64 = 0.005;
+
+/// The unit of a table of states, for states of that size: a length is in metres, as in the report and in
+/// the pages of other runs, unless it is very small.
+pub fn table(unit: &str, size: f64) -> Scale<'_> {
+    match unit {
+        "m" if size >= METRES => Scale { unit, size: 1.0 },
+        _ => scale(unit, size),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Two runs of a scenario, and the report of one, have their positions in the same unit.
+    #[test]
+    fn a_table_has_lengths_in_metres_unless_they_are_very_small() {
+        let of = |name, size| table(name, size).unit;
+        assert_eq!([0.082, 0.3, 5200.0].map(|size| of("m", size)), ["m"; 3]);
+        assert_eq!([of("m", 0.0021), of("m/s", 0.0008)], ["mm", "mm/s"]);
+    }
 
     #[test]
     fn every_range_has_three_ticks_with_numbers_and_is_no_wider_than_they_need() {

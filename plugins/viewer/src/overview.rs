@@ -5,7 +5,6 @@ mod determined;
 mod errors;
 mod live;
 
-use crate::axis::{self, Scale};
 use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
@@ -17,9 +16,6 @@ use std::fmt::Write;
 
 /// Greatest number of sensors whose table has room on the page; that of more stands under the states.
 pub const MANY: usize = 7;
-/// Size of a length from which on tables have it in metres, m.
-const METRES: f64 = 0.005;
-
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
 pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
@@ -140,15 +136,6 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
     }
 }
 
-/// The unit of a table of states, for states of that size: a length is in metres, as in the report and in
-/// the pages of other runs, unless it is very small.
-fn unit(unit: &str, size: f64) -> Scale<'_> {
-    match unit {
-        "m" if size >= METRES => Scale { unit, size: 1.0 },
-        _ => axis::scale(unit, size),
-    }
-}
-
 /// A span of time in words.
 pub fn span(from: Time, to: Time) -> String {
     format!("{:.0}–{:.0}", from.seconds(), to.seconds())
@@ -170,14 +157,6 @@ mod tests {
         let errors = Errors::of(&[], true, None);
         write_verdict(&mut page, "dive", &Verdict::new(reasons.to_vec(), Vec::new()), &errors);
         page
-    }
-
-    /// Two runs of a scenario, and the report of one, have their positions in the same unit.
-    #[test]
-    fn a_table_has_lengths_in_metres_unless_they_are_very_small() {
-        let of = |name, size| unit(name, size).unit;
-        assert_eq!([0.082, 0.3, 5200.0].map(|size| of("m", size)), ["m"; 3]);
-        assert_eq!([of("m", 0.0021), of("m/s", 0.0008)], ["mm", "mm/s"]);
     }
 
     #[test]

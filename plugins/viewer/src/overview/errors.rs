@@ -1,7 +1,7 @@
 //! The errors of all states against their sigma: the answer whether the sigma is to be believed, and a
 //! table of the states.
 
-use crate::axis::short;
+use crate::axis::{self, short};
 use crate::run::Run;
 use crate::state::{BlockSeries, Component};
 use crate::tally::Worst;
@@ -203,7 +203,7 @@ pub fn states(run: &Run) -> String {
     };
     for &(b, k) in &shown {
         let c = &blocks[b].components[k];
-        let scale = super::unit(c.unit, size(c.unit));
+        let scale = axis::table(c.unit, size(c.unit));
         let sigma = short(c.tally.sigma / scale.size);
         let (name, unit) = (blocks[b].full_name(k), scale.unit);
         let _ = match (c.tally.error, c.tally.worst) {
@@ -234,7 +234,7 @@ fn write_corrected(page: &mut String, corrected: &[Corrected]) {
     page.push_str("| fixed, but found wrong | estimate ± 1 sigma | unit | estimated since |\n");
     page.push_str("|---|--:|---|--:|\n");
     for Corrected { block, since, unit, components, estimate, sigma } in corrected {
-        let scale = super::unit(unit, sigma.iter().copied().fold(0.0, f64::max));
+        let scale = axis::table(unit, sigma.iter().copied().fold(0.0, f64::max));
         let since = since.seconds();
         for ((component, estimate), sigma) in components.iter().zip(estimate).zip(sigma) {
             let [estimate, sigma] = [estimate, sigma].map(|x| short(x / scale.size));

@@ -1,6 +1,6 @@
 //! The headline of a run that goes on: the verdict so far and since when, and what the sensors do now.
 
-use crate::axis::short;
+use crate::axis::{self, short};
 use crate::run::Run;
 use crate::state::Component;
 use navfuse_core::model::record::finding::{Finding, Severity};
@@ -67,7 +67,7 @@ fn write_sigma(page: &mut String, run: &Run) {
     for block in blocks {
         let largest = block.components.iter().map(|c| c.tally.sigma).fold(0.0, f64::max);
         let Some(first) = block.components.first() else { continue };
-        let scale = super::unit(first.unit, largest);
+        let scale = axis::table(first.unit, largest);
         let sigma = |c: &Component| format!("{} {}", c.name, short(c.tally.sigma / scale.size));
         let all: Vec<String> = block.components.iter().map(sigma).collect();
         let _ = writeln!(page, "\nSigma of the position now: {} {}.", all.join(", "), scale.unit);
