@@ -9,6 +9,7 @@ use crate::model::record::Epoch;
 use crate::model::sensor::Role;
 use crate::model::sensor::rule::RuleType;
 use crate::plugin::Registry;
+use crate::session::outputs::Outputs;
 use crate::smooth::{Relinearised, products_matter};
 use crate::units::time::Time;
 
@@ -27,6 +28,15 @@ pub(crate) fn find(
         let place = root.get("estimator").and_then(|table| table.get("type"));
         place.unwrap_or_else(|| root.clone()).error(unknown("estimator type", name, &names))
     })
+}
+
+/// Ends the estimator. Where that changes its estimate, the comparisons of other times do not hold.
+pub(crate) fn finish(estimator: &mut dyn Estimator, outputs: &mut Outputs) {
+    estimator.has_jumped();
+    estimator.finish(outputs);
+    if estimator.has_jumped() {
+        outputs.statistics.forget_comparisons(estimator.time());
+    }
 }
 
 /// Rejects a composition that its estimator cannot run.

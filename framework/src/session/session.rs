@@ -400,11 +400,7 @@ impl Session {
         if let Some(smoother) = &mut self.outputs.smoother {
             smoother.finish();
         }
-        self.estimator.has_jumped();
-        self.estimator.finish(&mut self.outputs);
-        if self.estimator.has_jumped() {
-            self.outputs.statistics.forget_comparisons(self.estimator.time());
-        }
+        estimators::finish(self.estimator.as_mut(), &mut self.outputs);
         let time = self.outputs.statistics.last_epoch.unwrap_or(Time::MIN);
         self.announced.end(time, &mut self.outputs);
     }

@@ -31,6 +31,10 @@ const WITHIN: f64 = 1.0;
 /// Part of a step by which short steps become longer while the passes converge.
 const LONGER: f64 = 1.5;
 
+/// Time from the start to the first short steps: before that the heading of a gyro that is off by 0.1 deg/s
+/// has turned by less than 10 deg, and the linear model holds.
+const TURNED: Span = Span::from_nanos(100_000_000_000);
+
 /// The steps of passes from one trajectory to the next.
 #[derive(Clone, Copy)]
 struct Steps {
@@ -106,8 +110,8 @@ impl Record {
             failures: 0,
             watch,
             retry: Span::ZERO,
-            short: Span::ZERO,
-            open: Span::ZERO,
+            short: TURNED,
+            open: TURNED,
             findings: Vec::new(),
             found: Vec::new(),
             run: records(),
@@ -184,7 +188,6 @@ impl Record {
         converged: f64,
         observer: &mut dyn Observer,
     ) -> Result<String, String> {
-        let last = converged < CONVERGED;
         let time = self.run.start.map_or(Span::ZERO, |start| ekf.time() - start);
         let (again, twice) = (Span::from_nanos(time.nanos() / 16 * 17), time + time);
         let mut steps = Steps::FULL;
@@ -194,13 +197,13 @@ impl Record {
             steps = Steps::ANEW;
             made = self.passes(ekf, converged, steps, observer);
         }
-        if made.is_err() && (last || time >= self.short) {
+        if made.is_err() && time >= self.short {
             steps = Steps::SHORT;
             made = self.passes(ekf, converged, steps, observer);
             self.short = if made.is_ok() { again } else { twice };
         }
         // the gate hides the samples that lead from a wrong trajectory to the right one
-        if made.is_ok() && self.pass.gated.contradict() && (last || time >= self.open) {
+        if made.is_ok() && self.pass.gated.contradict() && time >= self.open {
             let others = self.passes(ekf, converged, Steps::OPEN, observer);
             let better = others.is_ok() && !self.pass.gated.contradict();
             self.open = if better { again } else { twice };
