@@ -1,6 +1,5 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
-//! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX,
-//! TCX and KML.
+//! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX, TCX and KML.
 
 use crate::paths::{bounded, join};
 use crate::wrapped;
