@@ -23,6 +23,10 @@ const SLIGHT: f64 = 1e-3;
 /// Least determinant of the normal equations of three directions, relative to its largest value.
 const DETERMINED: f64 = 1e-3;
 
+/// Largest share of the other axes in a derivative along north, east or down: that of a past state has
+/// the turn of the Earth since then.
+const OWN: f64 = 1e-6;
+
 /// Error of the velocity that the innovation of a sample determines.
 struct VelocityError {
     error: Vector3<f64>,
@@ -46,7 +50,7 @@ fn velocity_error(update: &Update, layout: &Layout) -> Option<VelocityError> {
         if v.norm() > 0.0 && p.norm() <= SLIGHT * v.norm() {
             normal += v * v.transpose();
             right += v * *y;
-            own |= v.amax() < v.norm();
+            own |= v.amax() < (1.0 - OWN) * v.norm();
         }
     }
     let largest = (normal.trace() / 3.0).powi(3);

@@ -34,8 +34,9 @@ const LIMIT: f64 = 3.0;
 /// Least factor of the stated variance that is found: twice the stated sigma, from which on a result
 /// must not be used.
 const LEAST: f64 = 4.0;
-/// Share of refused samples from which on the filter follows the minority.
-const REFUSED: f64 = 1.0 / 3.0;
+/// Share of refused samples from which on the noise is of interest: a gate of 99.9 % refuses as many samples
+/// of one channel with twice the stated noise.
+const REFUSED: f64 = 0.1;
 /// Weight of the last sample in that share.
 const WEIGHT: f64 = 0.05;
 
@@ -184,7 +185,7 @@ impl Scatter {
         self.before = present;
     }
 
-    /// The largest excess, where the filter follows the minority of the samples and the noise of one
+    /// The largest excess, where the gate refuses enough samples and the noise of one
     /// group is above the stated one by more than a factor of the variance. The noise of each group
     /// becomes that of its samples, and the one of this update with it.
     pub(in crate::filter) fn excess(

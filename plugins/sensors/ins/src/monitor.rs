@@ -1,10 +1,12 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Seven rules, each in a file of its own: the specific force is about as large as gravity and points
-//! up, the accelerations are those that another sensor measures, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
-//! enough for the accelerometers, the heading for the way made, and constant biases stay constant.
+//! Eight rules, each in a file of its own: the specific force is about as large as gravity and points
+//! up, the accelerations are those that another sensor measures, and at the same time, gravity turns as
+//! the gyros turn, white noise is as strong as stated, the tilt is known well enough for the
+//! accelerometers, the heading for the way made, and constant biases stay constant.
 
 mod axes;
+mod clock;
 mod drift;
 mod fault;
 mod gravity;
@@ -16,6 +18,7 @@ mod whiteness;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use axes::Axes;
+use clock::Clock;
 use drift::Drift;
 use fault::Fault;
 use gravity::Gravity;
@@ -39,6 +42,7 @@ pub(crate) struct ImuMonitor {
     navigation: Navigation,
     gravity: Gravity,
     axes: Axes,
+    clock: Clock,
     levelling: Levelling,
     heading: Heading,
     turning: Turning,
@@ -47,7 +51,7 @@ pub(crate) struct ImuMonitor {
 }
 
 saved!(ImuMonitor {
-    gravity, axes, levelling, heading, turning, whiteness, drift,
+    gravity, axes, clock, levelling, heading, turning, whiteness, drift,
 } except {
     name, imu, navigation,
 });
@@ -62,6 +66,7 @@ impl ImuMonitor {
             navigation,
             gravity: Gravity::new(tilt),
             axes: Axes::default(),
+            clock: Clock::default(),
             levelling: Levelling::new(navigation, tilt.is_none()),
             heading: Heading::new(navigation),
             turning: Turning::default(),
@@ -70,15 +75,9 @@ impl ImuMonitor {
         }
     }
 
-    /// Finding about the IMU, or about the IMU and another sensor of which one is at fault.
-    fn finding(&self, time: Time, fault: Fault, other: Option<&str>) -> Finding {
-        let Fault { severity, basis, text, remedy } = fault;
-        let remedy = remedy.to_owned();
-        let about = match other {
-            Some(other) => format!("{}, {other}", self.name),
-            None => self.name.clone(),
-        };
-        Finding { time, about, severity, basis, text, remedy }
+    /// Finding about the IMU.
+    fn finding(&self, time: Time, fault: Fault) -> Finding {
+        fault.about(time, self.name.clone())
     }
 }
 
@@ -92,18 +91,25 @@ impl Monitor for ImuMonitor {
         let (time, dt) = (input.sample.time, input.usual);
         if let Some(fault) = self.gravity.take(filter, &self.navigation, &f, dt) {
             self.axes.end();
-            return Some(self.finding(time, fault, None));
+            self.clock.end();
+            return Some(self.finding(time, fault));
         }
         if let Some((fault, other)) = self.axes.take(&f, dt) {
-            let other = other.map(str::to_owned);
-            return Some(self.finding(time, fault, other.as_deref()));
+            self.clock.end();
+            // one of the two is at fault
+            let other = other.map(|other| format!(", {other}")).unwrap_or_default();
+            return Some(fault.about(time, format!("{}{other}", self.name)));
+        }
+        if let Some((fault, sensor)) = self.clock.take(&w, &f, time, dt) {
+            self.axes.end();
+            return Some(fault.about(time, sensor.to_owned()));
         }
         let fault = (self.turning.take(&w, &f, dt))
             .or_else(|| self.whiteness.take(&w, &f, dt))
             .or_else(|| self.levelling.take(filter, time))
             .or_else(|| self.heading.take(filter, time))
             .or_else(|| self.drift.take(filter, time));
-        fault.map(|fault| self.finding(time, fault, None))
+        fault.map(|fault| self.finding(time, fault))
     }
 
     fn corrected(&mut self, filter: &FilterView<'_>) {
@@ -116,6 +122,7 @@ impl Monitor for ImuMonitor {
 
     fn measured(&mut self, filter: &FilterView<'_>, velocity: &MeasuredVelocity<'_>) {
         self.axes.measured(filter, &self.navigation, velocity);
+        self.clock.measured(velocity);
     }
 
     fn widened(&mut self) {

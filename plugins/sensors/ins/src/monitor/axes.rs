@@ -166,7 +166,8 @@ impl Axes {
                 words(&best)
             ),
             remedy: "check how the IMU is mounted, and the order and signs of its axes; `navfuse \
-                     diagnose` tries each turn",
+                     diagnose` tries each turn"
+                .to_owned(),
         };
         Some((fault, self.own.then_some(sensor)))
     }

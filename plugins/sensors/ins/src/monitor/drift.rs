@@ -144,7 +144,8 @@ impl Drift {
             ),
             remedy: "check the IMU (temperature, supply, mounting); let the bias wander \
                      (random_walk or correlation_time of gyro_bias and accel_bias), or raise the \
-                     noise of the IMU",
+                     noise of the IMU"
+                .to_owned(),
         })
     }
 }

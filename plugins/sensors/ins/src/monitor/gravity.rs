@@ -117,7 +117,8 @@ fn explains(acceleration: &Vector3<f64>, gravity: f64, size: f64) -> bool {
 fn judge(mean: &Vector3<f64>, up: Option<Vector3<f64>>, gravity: f64) -> Option<Fault> {
     let (size, ratio) = (mean.norm(), mean.norm() / gravity);
     let (severity, basis) = (Severity::DoNotUse, Basis::Samples);
-    let fault = |text, remedy| Some(Fault { severity, basis, text, remedy });
+    let fault =
+        |text, remedy: &str| Some(Fault { severity, basis, text, remedy: remedy.to_owned() });
     if !PLAUSIBLE.contains(&ratio) {
         let text = format!(
             "the mean specific force is {size:.3} m/s^2, where gravity is {gravity:.3} m/s^2"

@@ -83,8 +83,10 @@ impl Heading {
                 squared.sqrt().to_degrees(),
                 variance.sqrt(),
             ),
-            remedy: "give the heading a better initial value with a smaller sigma, let an alignment \
-                     find it ([process.NAME.alignment]), or add a sensor that observes it",
+            remedy:
+                "give the heading a better initial value with a smaller sigma, let an alignment \
+                     find it ([process.NAME.alignment]), or add a sensor that observes it"
+                    .to_owned(),
         })
     }
 }

@@ -96,7 +96,8 @@ impl Levelling {
                 variance.sqrt() / 9.80665e-6,
             ),
             remedy: "give roll and pitch a better initial value with a smaller sigma, or let an \
-                     alignment at rest find them ([process.NAME.alignment])",
+                     alignment at rest find them ([process.NAME.alignment])"
+                .to_owned(),
         })
     }
 }

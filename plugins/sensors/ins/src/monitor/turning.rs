@@ -129,7 +129,8 @@ impl Turning {
                 ratio.sqrt()
             ),
             remedy: "check the units of the gyros, and that the axes of gyros and accelerometers \
-                     are forward, right, down: change the sign of one axis, or exchange two",
+                     are forward, right, down: change the sign of one axis, or exchange two"
+                .to_owned(),
         })
     }
 }

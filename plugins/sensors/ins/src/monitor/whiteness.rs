@@ -149,7 +149,8 @@ impl Whiteness {
             } else {
                 "set gyro_noise and accel_noise of the IMU to the noise that it shows on the \
                      vehicle"
-            },
+            }
+            .to_owned(),
         })
     }
 }
