@@ -14,6 +14,7 @@ use navfuse_live::LiveError;
 use navfuse_observability::plan::PlanError;
 use navfuse_report::pan_wu::Missing;
 use navfuse_segments::SegmentError;
+use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -43,7 +44,7 @@ pub enum CommandError {
         /// The action that failed.
         failure: &'static str,
         /// The remedy, after a semicolon; empty where the reason suffices.
-        remedy: &'static str,
+        remedy: Cow<'static, str>,
         /// The reason.
         source: io::Error,
     },
@@ -167,9 +168,9 @@ impl CommandError {
     pub fn file(
         path: &Path,
         failure: &'static str,
-        remedy: &'static str,
+        remedy: impl Into<Cow<'static, str>>,
     ) -> impl FnOnce(io::Error) -> Self {
-        let path = path.to_owned();
+        let (path, remedy) = (path.to_owned(), remedy.into());
         move |source| Self::File { path, failure, remedy, source }
     }
 }

@@ -17,7 +17,9 @@ mod error;
 mod execution;
 mod output;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use navfuse_core::document::did_you_mean;
 use navfuse_core::input::Held;
 use navfuse_core::plugin::Registry;
 use output::terminal::Detail;
@@ -198,6 +200,7 @@ pub fn command_with(
     let (matches, arguments) = match parsed {
         Ok(parsed) => parsed,
         Err(usage) => {
+            let usage = with_meant(usage);
             usage.print().ok();
             return ExitCode::from(usage.exit_code() as u8);
         }
@@ -212,6 +215,21 @@ pub fn command_with(
     let result = registry.check().map_err(Into::into).and_then(|()| run(registry, command));
     let code = result.unwrap_or_else(failed);
     output::check_standard_output().map_or_else(failed, |()| code)
+}
+
+/// Adds the subcommand that was meant, where one is near: clap compares letters at their places and suggests
+/// nothing for `rnu`.
+fn with_meant(mut usage: clap::Error) -> clap::Error {
+    if usage.get(ContextKind::SuggestedSubcommand).is_none()
+        && let Some(ContextValue::String(given)) = usage.get(ContextKind::InvalidSubcommand)
+    {
+        let definition = Arguments::command();
+        let names = definition.get_subcommands().map(clap::Command::get_name);
+        if let Some(meant) = did_you_mean(given, names).map(str::to_owned) {
+            usage.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![meant]));
+        }
+    }
+    usage
 }
 
 fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {

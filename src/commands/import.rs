@@ -5,10 +5,11 @@ use crate::execution::campaign::threads;
 use crate::output;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, file_remedy};
 use navfuse_core::input::text_of;
 use navfuse_core::plugin::Registry;
 use navfuse_import::{Answers, Heading, Imported, OdometryUse, StreamSurvey};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,7 +65,12 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("import.toml"));
     output::check(&out)?;
     for file in &arguments.files {
-        text_of(file).map_err(CommandError::file(file, "cannot be read", ""))?;
+        let there = text_of(file).and_then(|_| std::fs::metadata(file));
+        there.map_err(|error| {
+            let extension = file.extension().map_or("csv".into(), OsStr::to_string_lossy);
+            let remedy = file_remedy(file, &extension, &error);
+            CommandError::file(file, "cannot be read", remedy)(error)
+        })?;
     }
     let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let position = arguments.position.as_deref().map(position).transpose()?;

@@ -2,11 +2,12 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
-use crate::execution::input::{document, document_of, has_extension, runs_folder};
+use crate::execution::input::{document, document_of, has_extension, missing_log, runs_folder};
 use crate::execution::sensitivity::sensitivity;
 use crate::output;
 use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
+use navfuse_core::input::open;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
@@ -33,6 +34,7 @@ the innovations with their gates, the accepted and rejected samples of each sens
 calibration before and after, the events and the scenario. It is one file and needs no network.")]
 pub struct Report {
     /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
+    #[arg(value_name = "SCENARIO|LOG")]
     pub of: PathBuf,
     /// The page [default: report.html beside the log, or in runs/NAME of the scenario]
     #[arg(long, value_name = "FILE")]
@@ -115,6 +117,7 @@ fn of_log(
         return Err(CommandError::argument("--set", message));
     }
     let log = &arguments.of;
+    let _held = open(log).map_err(missing_log(log))?;
     let mut history = navfuse_report::read_log(log, |read| bar.log(read))?;
     let observed = filter_again(registry, arguments, &mut history, stop, bar)?;
     let folder = log.parent().map_or_else(PathBuf::new, Path::to_path_buf);

@@ -24,6 +24,7 @@ track of the filter. `smooth = true` in [estimator] smooths every run of a scena
 or `lag` in [estimator], each estimate appears while the run goes on, once the lag has passed.")]
 pub struct Smooth {
     /// A scenario, which is a TOML file, or a log, which is an MCAP file that navfuse wrote
+    #[arg(value_name = "SCENARIO|LOG")]
     pub of: PathBuf,
     /// Smooth with a fixed lag while the run goes on: each estimate uses the samples up to this time
     /// after it, such as "30 s"

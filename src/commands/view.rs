@@ -32,9 +32,10 @@ pub struct View {
 
 /// Opens the recording of a run in the viewer.
 pub fn view(registry: &Registry, arguments: &View) -> Result<ExitCode> {
+    let found = found(&arguments.of)?;
     // a missing viewer is reported before a long log is converted
     let viewer = viewer::find()?;
-    let recording = match found(&arguments.of)? {
+    let recording = match found {
         Found::Recording(path) => path,
         Found::Log(log) => match convert(registry, &log)? {
             Some(recording) => recording,

@@ -2,7 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::output::warn;
-use navfuse_core::document::{Document, LONGEST, quoted};
+use navfuse_core::document::{Document, LONGEST, file_remedy, quoted};
 use navfuse_core::files::part_of;
 use navfuse_core::input::{bounded_text, text_of};
 use navfuse_core::plugin::Kind;
@@ -39,13 +39,17 @@ pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
 
 /// The error of a log that cannot be opened. A run that was killed leaves a part of its log.
 pub fn missing_log(log: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
-    let remedy = if part_of(log).is_file() {
-        "; the run was killed before the log was whole: name the file that ends in .part, which has \
-         everything until then"
-    } else {
-        ""
-    };
-    CommandError::file(log, "cannot be read", remedy)
+    let log = log.to_owned();
+    move |error| {
+        let remedy = if part_of(&log).is_file() {
+            "; the run was killed before the log was whole: name the file that ends in .part, which has \
+             everything until then"
+                .to_owned()
+        } else {
+            file_remedy(&log, "mcap", &error)
+        };
+        CommandError::file(&log, "cannot be read", remedy)(error)
+    }
 }
 
 /// The scenario of a log, or another one, and the setting that makes the log its source.

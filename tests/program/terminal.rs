@@ -170,6 +170,29 @@ fn check_reports_a_mistake_of_a_source_beside_a_sensor_that_lacks_a_key() {
     assert!(said.contains("stdin:6: source.csv.direktory: unknown key"), "{said}");
 }
 
+/// A mistake of one letter costs a glance: the message has the word that was meant, once.
+#[test]
+fn a_mistyped_word_of_the_command_line_is_answered_with_the_one_that_was_meant() {
+    let root = scenario("quickstart");
+    let root = root.parent().and_then(Path::parent).expect("the folder of the scenarios");
+    for (arguments, expected) in [
+        (&["rnu"][..], "a similar subcommand exists: 'run'"),
+        (&["run", "scenarios/quickstrat.toml"], "did you mean scenarios/quickstart.toml?"),
+        (&["check", "quickstart.toml"], "did you mean scenarios/quickstart.toml?"),
+        (&["report", "scenarios/run.mcap"], "has no .mcap file"),
+        (&["view", "nowhere"], "`navfuse run` writes runs/NAME/run.rrd"),
+        (
+            &["check", "scenarios/auv.toml", "--set", "sensor.depth.gaet=0.999"],
+            "did you mean \"gate\"?",
+        ),
+    ] {
+        let output = command().args(arguments).current_dir(root).output().expect("it starts");
+        let said = stderr(&output);
+        assert!(!output.status.success() && said.contains(expected), "{arguments:?}: {said}");
+        assert!(said.matches("sensor.depth.gaet").count() <= 1, "{said}");
+    }
+}
+
 /// Calls the command with a text in standard input.
 fn with_input(arguments: &[&str], text: &str) -> Output {
     let mut command = command();

@@ -1,5 +1,6 @@
 //! A TOML document with the overrides of the command line.
 
+use crate::document::absent::file_remedy;
 use crate::document::error::{DocumentError, OverrideError};
 use crate::document::location::Excerpt;
 use crate::document::node::{Node, kind};
@@ -35,7 +36,10 @@ impl Document {
         let path = path.as_ref();
         match text_of(path).and_then(|name| Ok((name, read_text(path, LONGEST)?))) {
             Ok((name, text)) => Self::parse_with_includes(name, text),
-            Err(source) => Err(DocumentError::Read { name: path.display().to_string(), source }),
+            Err(source) => {
+                let remedy = file_remedy(path, "toml", &source);
+                Err(DocumentError::Read { name: path.display().to_string(), remedy, source })
+            }
         }
     }
 

@@ -7,10 +7,12 @@ use crate::document::location::{Excerpt, Location};
 #[non_exhaustive]
 pub enum DocumentError {
     /// The file cannot be read.
-    #[error("{name}: {source}")]
+    #[error("{name}: {source}{remedy}")]
     Read {
         /// The file as it was named.
         name: String,
+        /// The remedy, after a semicolon; empty where the cause suffices.
+        remedy: String,
         /// The cause.
         source: std::io::Error,
     },
@@ -29,7 +31,7 @@ pub enum DocumentError {
         excerpt: Box<Excerpt>,
     },
     /// A key or value is not allowed.
-    #[error("{location}: {message}")]
+    #[error("{}{message}", place(location, message))]
     Place {
         /// The place of the key or value.
         location: Location,
@@ -60,6 +62,19 @@ pub enum Fault {
     Missing(String),
     /// A value that does not fit.
     Value,
+}
+
+/// The place before a message. A message that begins with the key of the override names it by itself.
+fn place(location: &Location, message: &str) -> String {
+    match location {
+        Location::Set { path } if begins_with_key(message, path) => "--set ".to_owned(),
+        _ => format!("{location}: "),
+    }
+}
+
+/// Returns `true` where a message begins with a key path as a whole.
+fn begins_with_key(message: &str, path: &str) -> bool {
+    message.strip_prefix(path).is_some_and(|rest| rest.starts_with([':', ' ']))
 }
 
 impl DocumentError {

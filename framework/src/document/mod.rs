@@ -1,6 +1,7 @@
 //! A TOML document that remembers the place of every value, so that each error names the file,
 //! the line, the key, the value found and the values allowed.
 
+mod absent;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod document;
 mod error;
@@ -14,6 +15,7 @@ mod reader;
 #[cfg(test)]
 mod tests;
 
+pub use absent::file_remedy;
 pub use document::{Document, LONGEST};
 pub use error::{DocumentError, Fault, OverrideError};
 pub use explain::{did_you_mean, unknown};

@@ -2,7 +2,7 @@
 
 mod sensors;
 
-use crate::blueprint::{Layout, height};
+use crate::blueprint::{FRAME, Layout, height};
 use crate::legend;
 use crate::map::Graticule;
 use crate::overview;
@@ -36,12 +36,22 @@ const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Height of a usual window (1600x1000) without its panels, pixels.
+/// Number of lanes beside those of the sensors, once a run is over: time and colours.
+const LEGENDS: usize = 2;
+/// Height of a small window (1280x720) and of a usual one (1600x1000) without their panels, pixels.
+const SMALL: f64 = 645.0;
 const USUAL: f64 = 900.0;
-/// Least and greatest share of the lanes in the height: beside the lowest ones the error from -4 to
-/// 4 sigma has a number at every sigma of a usual window; above the highest ones the page has room. The
-/// last one is for many sensors, whose table is not on the page.
-const LANES: [f64; 3] = [0.33, 0.48, 0.6];
+/// Least and greatest share of the lanes in the height. The last one is for many sensors, whose table is not
+/// on the page; above the highest ones the page of a run that goes on has room.
+const LANES: [f64; 3] = [0.36, 0.62, 0.66];
+/// Share of plot and table below the page: the error from -4 to 4 sigma has a number at every sigma of a
+/// small window, and all rows of the table are there.
+const BELOW_PAGE: f64 = 0.4;
+/// Widths of the left and the right half, of track and vehicle, and of plot and table, whose columns are all
+/// there in a usual window.
+const HALVES: [f32; 2] = [1.0, 1.13];
+const TRACK_AND_VEHICLE: [f32; 2] = [1.1, 1.0];
+const PLOT_AND_TABLE: [f32; 2] = [1.0, 1.12];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;
 
@@ -124,52 +134,78 @@ impl Layout {
         all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
     }
 
-    /// Track, verdict, health of the sensors, the worst state and all states on one page.
+    /// Track, verdict, health of the sensors, the worst state and all states on one page. The lanes of all
+    /// sensors are below the track, and the answers beside both.
     fn overview(&mut self, run: &Run) -> ContainerLike {
         let page = ContainerLike::from(
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
-        let track = run.track.as_ref().map(|track| {
-            let name = enlarged("From above", track, self.ranges);
-            let view = Spatial2DView::new(name.as_str());
-            let contents = ["+ /plan/**", "- /plan/polar/**"];
-            let view = ContainerLike::from(view.with_origin("/plan").with_contents(contents));
-            if let Some(plan) = crate::plan::Plan::new(&track.extent).filter(|_| self.ranges) {
-                self.set(&view, "VisualBounds2D", plan.bounds());
-            }
-            view
-        });
-        let top = match (track, run.track.as_ref()) {
-            (Some(track), Some(motion)) => {
-                let follow = self.follow("Follows the vehicle", motion);
-                Horizontal::new([track, follow, page])
+        let places = run.track.as_ref().map(|motion| self.places(motion));
+        let lanes = self.health();
+        let name = "Overview";
+        let shares = |below: f64| [1.0 - below, below].map(|share| share as f32);
+        if !self.ranges {
+            let top = match places {
+                Some([plan, follow]) => Horizontal::new([plan, follow, page])
                     .with_column_shares(vec![1.0, 1.0, 1.6])
-                    .into()
+                    .into(),
+                None => page,
+            };
+            let shares = shares(share_of(run.lanes.len()));
+            return Vertical::new([top, lanes]).with_row_shares(shares).with_name(name).into();
+        }
+        let below = self.worst_and_states(run);
+        let below = Horizontal::new(below).with_column_shares(PLOT_AND_TABLE).into();
+        let right = Vertical::new([page, below]).with_row_shares(shares(BELOW_PAGE));
+        let left = match places {
+            Some(places) => {
+                let top = Horizontal::new(places).with_column_shares(TRACK_AND_VEHICLE).into();
+                let shares = shares(share_of(run.lanes.len() + LEGENDS));
+                Vertical::new([top, lanes]).with_row_shares(shares).into()
             }
-            _ => page,
+            None => lanes,
         };
-        let share = share_of(run.lanes.len());
-        // what the colours mean stands on a strip of its own, and in the title while the run goes on
+        Horizontal::new([left, right.into()]).with_column_shares(HALVES).with_name(name).into()
+    }
+
+    /// The track from above, and the view that follows the vehicle.
+    fn places(&mut self, motion: &Motion) -> [ContainerLike; 2] {
+        let name = enlarged("From above", motion, self.ranges);
+        let view = Spatial2DView::new(name.as_str());
+        let contents = ["+ /plan/**", "- /plan/polar/**"];
+        let view = ContainerLike::from(view.with_origin("/plan").with_contents(contents));
+        if let Some(plan) = crate::plan::Plan::new(&motion.extent).filter(|_| self.ranges) {
+            self.set(&view, "VisualBounds2D", plan.bounds());
+        }
+        [view, self.follow("Follows the vehicle", motion)]
+    }
+
+    /// The health of the sensors. What the colours mean stands on a lane of its own, and in the title while
+    /// the run goes on.
+    fn health(&mut self) -> ContainerLike {
         let title = match self.ranges {
             true => "Health of the sensors".to_owned(),
             false => format!("Health: {}", legend::in_words()),
         };
-        let strips = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
-        let mut below = vec![self.lanes(&title, &strips)];
-        let mut shares = vec![1.4];
-        // the page has three columns, whose titles are longer than those of four
-        self.columns = 3;
+        self.lanes(&title, &["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}")))
+    }
+
+    /// The plot of the worst state, and the table of all states.
+    fn worst_and_states(&mut self, run: &Run) -> Vec<ContainerLike> {
+        let mut below = Vec::new();
+        // the titles of four plots beside one another would be as long
+        self.columns = 4;
         if let Some((b, k)) = run.worst
             && let Some(plots) = &run.blocks[b].components[k].plots
         {
             let block = &run.blocks[b];
             let name = format!("Worst: {}", block.full_name(k));
-            // without a truth the worst state is the one whose sigma fell least
+            // without a truth the worst state is the one whose sigma fell least; the legend names the ratio
             let (leaf, name, range) = match block.components[k].tally.worst {
                 Some(worst) => {
                     let size = worst.sigmas.max(4.0);
                     let range = self.legend_at(&plots.legends.normalised, true, [-size, size]);
-                    ("normalised", format!("{name}, {}", block.ratio()), range)
+                    ("normalised", name, range)
                 }
                 None => {
                     let range = self.legend_at(&plots.legends.sigma, true, plots.logarithms);
@@ -177,17 +213,12 @@ impl Layout {
                 }
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
-            below.push(self.plot_of(&name, &contents, Some(range), None, share * USUAL - 46.0));
-            shares.push(1.1);
+            let pixels = BELOW_PAGE * USUAL - FRAME;
+            below.push(self.plot_of(&name, &contents, Some(range), None, pixels));
         }
-        if self.ranges {
-            let states = TextDocumentView::new("States at the end").with_origin("/states");
-            below.push(states.into());
-            shares.push(1.05);
-        }
-        let below = Horizontal::new(below).with_column_shares(shares).into();
-        let shares = [1.0 - share, share].map(|share| share as f32);
-        Vertical::new([top, below]).with_row_shares(shares).with_name("Overview").into()
+        let states = TextDocumentView::new("States at the end").with_origin("/states");
+        below.push(states.into());
+        below
     }
 
     /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
@@ -210,7 +241,8 @@ impl Layout {
             let view = Spatial2DView::new(title.as_str()).with_origin("/plan");
             map = view.with_contents(contents).into();
         }
-        let follow = self.follow("3-D, follows the vehicle", track);
+        let follow = enlarged("3-D, follows the vehicle", track, self.ranges);
+        let follow = self.follow(&follow, track);
         let right = Vertical::new([follow, map]).into();
         let both = Horizontal::new([whole, right]).with_column_shares(vec![1.3, 1.0]);
         Some(both.with_name("Track").into())
@@ -218,11 +250,10 @@ impl Layout {
 
     /// The view in three dimensions whose eye follows the vehicle.
     fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
-        let name = enlarged(name, track, self.ranges);
         // the marks of start and end would cover the vehicle there
         let contents =
             ["+ /world/**", "- /world/marks", "- /world/distances", "- /world/vehicle/here"];
-        let view = self.space(&name, "/world", &track.extent, &contents);
+        let view = self.space(name, "/world", &track.extent, &contents);
         let side = track.extent.middle().map(|(_, side)| side).filter(|_| self.ranges);
         let length = side.map_or(LIVE_VEHICLE, |side| VEHICLE * side);
         self.eye_follows(&view, "/world/vehicle/around", AROUND * length);
@@ -388,10 +419,10 @@ fn powers(unit: &str) -> String {
     if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
 }
 
-/// The share of that many lanes, and of time and colours, in the height: each is visible in a usual window.
+/// The share of that many lanes in the height: each is visible in a small window.
 fn share_of(lanes: usize) -> f64 {
-    let most = LANES[if lanes > overview::MANY { 2 } else { 1 }];
-    ((LANE[0] * (lanes + 2) as f64 + LANE[1]) / USUAL).clamp(LANES[0], most)
+    let most = LANES[if lanes > overview::MANY + LEGENDS { 2 } else { 1 }];
+    ((LANE[0] * lanes as f64 + LANE[1]) / SMALL).clamp(LANES[0], most)
 }
 
 /// The eye at a distance from a place.
@@ -416,13 +447,14 @@ fn enlarged(name: &str, track: &Motion, over: bool) -> String {
 mod tests {
     use super::*;
 
+    /// Nobody scrolls to the sensor that was bad.
     #[test]
-    fn ten_sensors_fit_into_a_window_and_the_page_of_seven_has_more_than_half() {
-        for lanes in 1..=10 {
-            let share = share_of(lanes);
-            let strips = LANE[0] * (lanes + 2) as f64 + LANE[1];
-            assert!(share * USUAL >= strips - 1e-9, "{lanes}: {share}");
-            assert!(share < 0.5 || lanes > overview::MANY, "{lanes}: {share}");
+    fn the_lanes_of_six_sensors_fit_into_a_small_window_and_those_of_eleven_into_a_usual_one() {
+        for (sensors, height) in (1..=6).map(|n| (n, SMALL)).chain((7..=11).map(|n| (n, USUAL))) {
+            let lanes = sensors + LEGENDS;
+            let strips = LANE[0] * lanes as f64 + LANE[1];
+            let room = share_of(lanes) * height;
+            assert!(room >= strips - 1e-9, "{sensors} sensors: {room} of {strips}");
         }
     }
 }

@@ -21,7 +21,7 @@ use re_sdk_types::datatypes::{TimeInt, TimeRange, TimeRangeBoundary};
 /// Height of a window at 1600x1000 without its panels and two bars of tabs, pixels.
 const WINDOW: f64 = 890.0;
 /// Height of a plot's title and of its time axis, pixels.
-const FRAME: f64 = 46.0;
+pub const FRAME: f64 = 46.0;
 
 /// Width of a window, of a letter of a title, and of the icons beside it, pixels.
 const TITLES: [f64; 3] = [1600.0, 7.0, 120.0];

@@ -2,7 +2,7 @@
 
 use crate::legend;
 use crate::recording::Recording;
-use crate::strip;
+use crate::strip::Words;
 use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Judged, Lane, Stretch};
@@ -31,6 +31,7 @@ pub struct SensorLane {
     path: EntityPath,
     /// Number of stretches whose begin is written.
     written: usize,
+    words: Words,
     /// Times at which the filter was found to be off after a silence of the sensor.
     pub after_silence: Vec<Time>,
 }
@@ -50,6 +51,7 @@ impl SensorLane {
             found: None,
             path: path(&["health", &info.name]),
             written: 0,
+            words: Words::default(),
             after_silence: Vec::new(),
         })
     }
@@ -146,16 +148,18 @@ impl SensorLane {
         Ok(())
     }
 
-    /// Takes the words away from stretches that are too short for them, in a run between those times, ns.
-    pub fn shorten(
-        &self,
+    /// Leaves their words to the stretches that have room for them, in a run between those times, ns, on
+    /// strips of that width, pixels.
+    pub fn fit(
+        &mut self,
         recording: &Recording,
-        (first, last): (i64, i64),
+        (first, now): (i64, i64),
+        width: f64,
     ) -> Result<(), StreamError> {
-        let stretches = self.lane.stretches.iter();
-        let stretches = stretches.map(|s| (s.from.nanos(), s.to.nanos(), s.health.word()));
-        let begun = self.lane.stretches.first().map_or(last, |s| s.from.nanos());
+        let stretches = self.stretches(Time::from_nanos(now));
+        let begun = stretches.first().map_or(now, |s| s.from.nanos());
+        let stretches = stretches.iter().map(|s| (s.from.nanos(), s.to.nanos(), s.health.word()));
         let stretches = std::iter::once((first, begun, WAITING.0)).chain(stretches);
-        strip::shorten(recording, &self.path, stretches, last - first)
+        self.words.fit(recording, &self.path, stretches, (now - first, width))
     }
 }

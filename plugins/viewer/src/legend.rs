@@ -3,7 +3,7 @@
 
 use crate::lane::WAITING;
 use crate::recording::Recording;
-use crate::strip::{self, LETTER, MARGINS, has_room};
+use crate::strip::{self, BESIDE, LETTER, MARGINS, has_room};
 use crate::style::{Colour, path};
 use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
@@ -94,10 +94,10 @@ fn marks(first: i64, last: i64) -> Vec<i64> {
     let step = (crate::plan::round(run / TIMES).max(1e-3) * 1e9) as i64;
     let round = (first / step + 1..=last / step).map(|k| k * step).filter(|mark| *mark > first);
     // the first and the last stretch have room for their words, too
-    let share = |length: i64| length as f64 * 1e-9 / run.max(1e-9);
+    let pixels = |length: i64| BESIDE * length as f64 * 1e-9 / run.max(1e-9);
     let first_word = seconds(first);
-    let round = round.skip_while(|mark| !has_room(&first_word, share(mark - first)));
-    let round = round.filter(|mark| has_room(&seconds(*mark), share(last - mark)));
+    let round = round.skip_while(|mark| !has_room(&first_word, pixels(mark - first)));
+    let round = round.filter(|mark| has_room(&seconds(*mark), pixels(last - mark)));
     std::iter::once(first).chain(round).collect()
 }
 
@@ -128,8 +128,8 @@ mod tests {
         for pair in chips.windows(2) {
             let ([begin, end], next) = (pair[0].1, pair[1].1[0]);
             assert!(begin < end && end < next, "{pair:?}");
-            // the strips of a window of 1600x1000 are 560 pixels wide
-            let pixels = 560.0 * (end - begin) as f64 / 630e9;
+            // the strips of a small window are at least 540 pixels wide
+            let pixels = 540.0 * (end - begin) as f64 / 630e9;
             assert!(pixels >= LETTER * pair[0].0.len() as f64, "{pair:?}");
         }
     }
@@ -144,7 +144,8 @@ mod tests {
             let run = (to - from) as f64;
             for pair in marks.windows(2) {
                 let word = seconds(pair[0]);
-                assert!(has_room(&word, (pair[1] - pair[0]) as f64 / run), "{last}: {word}");
+                let pixels = BESIDE * (pair[1] - pair[0]) as f64 / run;
+                assert!(has_room(&word, pixels), "{last}: {word}");
             }
         }
         assert_eq!([0, 2_500_000_000, -1].map(seconds), ["0 s", "2.5 s", "0 s"]);

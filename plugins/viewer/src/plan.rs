@@ -19,7 +19,7 @@ const NEAR: f32 = 0.07;
 /// Places in the header as shares of the width: the name of the truth, the two ends of the scale of
 /// colours, and north.
 const NAME: f32 = 0.1;
-const SCALE: [f32; 2] = [0.29, 0.77];
+const SCALE: [f32; 2] = [0.32, 0.76];
 const NORTH: f32 = 0.93;
 /// Colour of the grid.
 const GRID: Colour = [58, 62, 70];
@@ -176,7 +176,8 @@ impl Plan {
         recording.log_static(&path(&["plan", "north"]), &north)
     }
 
-    /// A bar with the colours of sigma, and the smallest, the middle and the largest value under it.
+    /// A bar with the colours of sigma, and under it the smallest and the largest value with the name between
+    /// them: in a narrow view more words would cover each other.
     fn draw_legend(&self, recording: &Recording, scale: &ColourScale) -> Result<(), StreamError> {
         let place = |share: f32| self.header(SCALE[0] + share * (SCALE[1] - SCALE[0]), 0.3);
         let pieces = (0..STEPS).map(|k| [k, k + 1].map(|n| place(n as f32 / STEPS as f32)));
@@ -184,13 +185,14 @@ impl Plan {
             .with_colors((0..STEPS).map(ColourScale::colour))
             .with_radii([Radius::new_ui_points(3.0)]);
         recording.log_static(&path(&["plan", "scale"]), &bar)?;
-        let number = |x: f64| {
-            if x >= 1000.0 { format!("{:.1} km", x / 1000.0) } else { format!("{x:.2} m") }
+        let number = |x: f64| match x {
+            _ if x >= 1000.0 => format!("{:.1} km", x / 1000.0),
+            _ if x >= 10.0 => format!("{x:.1} m"),
+            _ => format!("{x:.2} m"),
         };
-        // the name once: in a narrow view three of them would cover each other
         let legend = scale.legend();
         let labels = legend.iter().enumerate().map(|(k, (value, _))| match k {
-            0 => format!("sigma {}", number(*value)),
+            1 => "sigma".to_owned(),
             _ => number(*value),
         });
         let points = Points2D::new([0.0, 0.5, 1.0].map(place))

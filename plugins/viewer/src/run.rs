@@ -11,6 +11,7 @@ use crate::samples::SampleSeries;
 use crate::scene;
 use crate::shade::Shades;
 use crate::state::{self, BlockSeries};
+use crate::strip::{BELOW, BESIDE};
 use crate::track::Motion;
 use navfuse_core::model::record::Corrected;
 use navfuse_core::model::record::finding::Finding;
@@ -137,9 +138,9 @@ impl Run {
         }
         let begun = self.begun.into_iter();
         let span = self.span.map(|(first, last)| (begun.fold(first, i64::min), last));
-        if let Some((first, last)) = span.filter(|(first, last)| first < last) {
-            legend::write(recording, (first, last))?;
-            lanes.iter().try_for_each(|lane| lane.shorten(recording, (first, last)))?;
+        if let Some(span) = span.filter(|(first, last)| first < last) {
+            legend::write(recording, span)?;
+            self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }
         let span = self.span.unwrap_or_default();
         self.samples.iter_mut().try_for_each(|samples| samples.write(recording, span))?;
@@ -160,8 +161,10 @@ impl Run {
         self.lanes.iter().try_for_each(|lane| lane.wait(recording, time))
     }
 
-    /// Draws which sensors are silent now, for the viewers that watch.
-    pub fn show_silences(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
+    /// Draws which sensors are silent now, and the words of the strips, for the viewers that watch.
+    pub fn show_health(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
+        let span = (self.begun.unwrap_or(now.nanos()), now.nanos());
+        self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BELOW))?;
         for sensor in &mut self.sensors {
             let lane = self.lanes.iter().find(|lane| lane.name == sensor.name);
             let health = lane.and_then(|lane| lane.lane.current()).map(|(health, _)| health);

@@ -31,6 +31,9 @@ const LIVE_SPAN: f64 = 5.0;
 /// The number of times that the pause before a refresh is longer than the last refresh took.
 const LIVE_PAUSE: u32 = 4;
 
+/// Greatest number of letters of a line of the log: it fits into a small window (1280x720).
+const LINE: usize = 180;
+
 /// The age at which a run that nobody watches writes its first layout, which shows the file of a run
 /// that was killed. A short run saves its cost.
 const LAYOUT_AFTER: Duration = Duration::from_secs(1);
@@ -92,7 +95,7 @@ impl RerunSink {
             run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
             run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
             if let Some(now) = self.last {
-                run.show_silences(&self.recording, now)?;
+                run.show_health(&self.recording, now)?;
             }
             if let Some(track) = &run.track {
                 scene::draw(&self.recording, track, false)?;
@@ -136,7 +139,7 @@ impl RerunSink {
             format!("{}: {}", event.about, event.text)
         };
         // the viewer cuts its own column of times
-        let text = format!("{:>9.3} s  {text}", time.seconds());
+        let text = in_lines(&format!("{:>9.3} s  {text}", time.seconds()));
         self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
     }
 
@@ -382,6 +385,23 @@ impl RerunSink {
     }
 }
 
+/// A text of the log in lines, which the viewer does not wrap: later ones begin below the words of the first.
+fn in_lines(text: &str) -> String {
+    let mut lines = String::new();
+    let mut length = 0;
+    for word in text.split_inclusive(' ') {
+        let letters = word.chars().count();
+        if length > 0 && length + letters > LINE {
+            lines.truncate(lines.trim_end().len());
+            lines.push_str("\n             ");
+            length = 0;
+        }
+        lines.push_str(word);
+        length += letters;
+    }
+    lines
+}
+
 /// Returns `true` where viewers that watch are to be refreshed: that long after the last refresh, which took
 /// some time, and the run has advanced since then, s.
 fn is_due(since: Duration, took: Duration, advanced: f64) -> bool {
@@ -406,6 +426,16 @@ impl Drop for RerunSink {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_event_has_lines_that_fit_into_a_small_window_and_loses_no_word() {
+        let text = format!("  280.000 s  gnss: {}", "locked out; ".repeat(40));
+        let lines = in_lines(&text);
+        assert!(lines.lines().count() == 3 && lines.lines().all(|l| l.len() <= LINE + 13));
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(&lines), words(&text));
+        assert_eq!(in_lines("    1.000 s  short"), "    1.000 s  short");
+    }
 
     #[test]
     fn a_fast_run_refreshes_viewers_earlier_and_spends_a_fifth_of_its_time_on_them_at_most() {

@@ -6,16 +6,19 @@ use navfuse_core::model::stream::StreamError;
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
+use std::collections::BTreeMap;
 
-/// Width of the strips in a small window (1280x720), pixels.
-const STRIPS: f64 = 420.0;
+/// Width of the strips in a small window (1280x720), pixels: beside the page, once the run is over.
+pub const BESIDE: f64 = 480.0;
+/// The same below the page, while the run goes on.
+pub const BELOW: f64 = 1240.0;
 /// Width of a letter in a strip, and of the margins of a word, pixels.
 pub(crate) const LETTER: f64 = 7.0;
 pub(crate) const MARGINS: f64 = 8.0;
 
-/// Returns `true` if a word fits into that share of the strips.
-pub fn has_room(word: &str, share: f64) -> bool {
-    LETTER * word.chars().count() as f64 + MARGINS <= share * STRIPS
+/// Returns `true` if a word fits into that many pixels.
+pub fn has_room(word: &str, pixels: f64) -> bool {
+    LETTER * word.chars().count() as f64 + MARGINS <= pixels
 }
 
 /// The state of a stretch that has the colour of a word and no word.
@@ -33,24 +36,46 @@ pub fn look(words: impl IntoIterator<Item = (&'static str, Colour)> + Clone) -> 
         .with_colors(all().flat_map(|(_, [r, g, b])| [Color::from_rgb(r, g, b); 2]))
 }
 
-/// Takes the words away from stretches that are too short for them, in a run of that length, ns; a stretch
-/// is its begin and end, ns, and its word.
-///
-/// # Errors
-/// When the recording cannot be written.
-pub fn shorten<'a>(
-    recording: &Recording,
-    path: &EntityPath,
-    stretches: impl IntoIterator<Item = (i64, i64, &'a str)>,
-    run: i64,
-) -> Result<(), StreamError> {
-    // another state at the same time would replace the one that follows a stretch without length
-    for (from, to, word) in stretches.into_iter().filter(|(from, to, _)| from < to) {
-        if !has_room(word, (to - from) as f64 / run.max(1) as f64) {
-            recording.log(path, from, &StateChange::single(without_word(word)))?;
+/// Which stretches of a strip have their words, by their begin, ns: at first all have.
+#[derive(Debug, Default)]
+pub struct Words(BTreeMap<i64, bool>);
+
+impl Words {
+    /// Takes the words away from stretches that are too short for them, and gives them back to those that
+    /// are no longer, in a run of that length, ns, on strips of that width, pixels; a stretch is its begin
+    /// and end, ns, and its word.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    pub fn fit<'a>(
+        &mut self,
+        recording: &Recording,
+        path: &EntityPath,
+        stretches: impl IntoIterator<Item = (i64, i64, &'a str)>,
+        (run, width): (i64, f64),
+    ) -> Result<(), StreamError> {
+        for (begin, state) in self.changes(stretches, (run, width)) {
+            recording.log(path, begin, &StateChange::single(state))?;
         }
+        Ok(())
     }
-    Ok(())
+
+    /// The stretches whose words go or come back: begin and state.
+    fn changes<'a>(
+        &mut self,
+        stretches: impl IntoIterator<Item = (i64, i64, &'a str)>,
+        (run, width): (i64, f64),
+    ) -> Vec<(i64, String)> {
+        // another state at the same time would replace the one that follows a stretch without length
+        let stretches = stretches.into_iter().filter(|(from, to, _)| from < to);
+        let change = |(from, to, word): (i64, i64, &str)| {
+            let room = has_room(word, width * (to - from) as f64 / run.max(1) as f64);
+            let before = self.0.insert(from, room).unwrap_or(true);
+            let state = if room { word.to_owned() } else { without_word(word) };
+            (room != before).then_some((from, state))
+        };
+        stretches.filter_map(change).collect()
+    }
 }
 
 #[cfg(test)]
@@ -59,8 +84,23 @@ mod tests {
 
     #[test]
     fn a_short_stretch_has_no_word() {
-        // `gated` needs 43 of 420 pixels
-        assert!(has_room("gated", 0.11) && !has_room("gated", 0.1));
+        assert!(has_room("gated", 43.0) && !has_room("gated", 42.0));
         assert_eq!(without_word("gated"), "gated ");
+    }
+
+    /// A stretch of 200 s is 62 of 1240 pixels of a run of 4000 s, and `waiting` needs 57. In a run that goes
+    /// on, its part becomes smaller, and the part of the last stretch larger: `used` needs 36 pixels, and has
+    /// 24 after 4 s.
+    #[test]
+    fn a_word_goes_once_its_stretch_is_too_short_and_comes_once_there_is_room() {
+        let mut words = Words::default();
+        let mut at = |now: i64| {
+            let stretches = [(0, 200, "waiting"), (200, 200, "gated"), (200, now, "used")];
+            words.changes(stretches, (now, BELOW))
+        };
+        assert_eq!(at(204), [(200, "used ".to_owned())]);
+        assert_eq!(at(4000), [(200, "used".to_owned())]);
+        assert_eq!(at(5000), [(0, "waiting ".to_owned())]);
+        assert_eq!(at(6000), []);
     }
 }

@@ -50,6 +50,7 @@ Methods:
   ekf              the scenario's filter      all sensors of the scenario")]
 pub struct Calibrate {
     /// The scenario, a TOML file, or a log, an MCAP file that navfuse wrote
+    #[arg(value_name = "SCENARIO|LOG")]
     pub source: PathBuf,
     /// A method, `ekf`, or `all`
     #[arg(long, value_name = "NAME", default_value = "io-dvlc")]

@@ -99,7 +99,7 @@ fn changes(diagnosis: &Diagnosis) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "change" } th.name {} th { "2 ln L" } th { "score" } th { "margin" }
+                th { "change" } th.name {} th.more { "2 ln L" } th { "score" } th.more { "margin" }
                 th { "mean NIS" } th.name { "verdict" } th { "end moves" }
             } }
             tbody {
@@ -129,9 +129,9 @@ fn row(number: usize, trial: &Trial, next: Option<f64>) -> Markup {
         tr.first {
             th { (number) }
             td.text { (trial.words()) }
-            td { (format!("{:.0}", trial.gain)) }
+            td.more { (format!("{:.0}", trial.gain)) }
             td { (format!("{:.0}", trial.score)) }
-            td { @if let Some(next) = next { (format!("{:.0}", trial.score - next)) } }
+            td.more { @if let Some(next) = next { (format!("{:.0}", trial.score - next)) } }
             td { @if trial.mean_nis.is_finite() { (format!("{:.2}", trial.mean_nis)) } }
             td.name { span.bad[bad(trial)] { (trial.level.words()) } }
             td { @if let Some(moved) = trial.moved { (metres(moved)) } }
@@ -228,6 +228,9 @@ mod tests {
         assert!(result.contains("<li>usbl</li>") && !result.contains("&lt;depth&gt;"), "{result}");
         let changes = section(&page, "changes");
         assert_eq!(changes.matches("<tr class=\"first\">").count(), 4, "{changes}");
+        // a narrow page leaves out the same columns of the heading and of the four rows
+        let left_out = |cell: &str| changes.matches(&format!("<{cell} class=\"more\">")).count();
+        assert_eq!([left_out("th"), left_out("td")], [2, 8], "{changes}");
         assert!(changes.contains("&lt;depth&gt;") && !page.contains("<depth>"), "{changes}");
         let facts = page.split_once("<nav>").expect("it has links").0;
         assert!(facts.contains("do not use"), "the verdict as it is: {facts}");

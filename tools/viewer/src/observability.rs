@@ -8,13 +8,14 @@ use navfuse_observability::{Component, DETERMINED, Determination, Tracker, markd
 use navfuse_rerun::re_sdk::EntityPath;
 use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Horizontal, TextDocumentView};
 use navfuse_rerun::re_sdk_types::archetypes::{StateChange, TextDocument};
+use navfuse_rerun::strip::{self, Words};
 use navfuse_rerun::style::path;
-use navfuse_rerun::{Layout, Recording, Tab, colours, strip};
+use navfuse_rerun::{Layout, Recording, Tab, colours};
 
 /// Time between two recorded values of the bits, ns.
 const BITS_INTERVAL: i64 = 1_000_000_000;
-/// Greatest number of strips in one column: they fit into the window without scrolling.
-const COLUMN: usize = 21;
+/// Greatest number of strips in one column: with the one of the time they fit into the window.
+const COLUMN: usize = 20;
 /// Titles of the columns of strips.
 const TITLES: [&str; 2] =
     ["Bits gained: how many times sigma was halved", "Bits gained, continued"];
@@ -38,6 +39,7 @@ struct Strip {
     path: EntityPath,
     /// Begin, ns, and step of each stretch.
     steps: Vec<(i64, usize)>,
+    words: Words,
 }
 
 impl Strip {
@@ -50,7 +52,7 @@ impl Strip {
         };
         let words = STEPS.iter().enumerate().map(|(k, step)| (step.1, colour(k)));
         recording.log_static(&path, &strip::look(words))?;
-        Ok(Self { path, steps: Vec::new() })
+        Ok(Self { path, steps: Vec::new(), words: Words::default() })
     }
 
     fn push(&mut self, recording: &Recording, time: Time, bits: f64) -> Result<(), StreamError> {
@@ -62,13 +64,18 @@ impl Strip {
         recording.log(&self.path, time.nanos(), &StateChange::single(STEPS[step].1))
     }
 
-    /// Takes the words away from stretches that are too short for them, in a run that ends at `end`, ns;
-    /// the whole strip has the width of those of health if it is that long, ns.
-    fn shorten(&self, recording: &Recording, end: i64, whole: i64) -> Result<(), StreamError> {
-        let ends = self.steps.iter().skip(1).map(|s| s.0).chain([end]);
+    /// Leaves their words to the stretches that have room for them, in a run of that length until `now`, ns,
+    /// on strips of that width, pixels.
+    fn fit(
+        &mut self,
+        recording: &Recording,
+        now: i64,
+        run_and_width: (i64, f64),
+    ) -> Result<(), StreamError> {
+        let ends = self.steps.iter().skip(1).map(|s| s.0).chain([now]);
         let stretches = self.steps.iter().zip(ends);
         let stretches = stretches.map(|((from, step), to)| (*from, to, STEPS[*step].1));
-        strip::shorten(recording, &self.path, stretches, whole)
+        self.words.fit(recording, &self.path, stretches, run_and_width)
     }
 }
 
@@ -137,13 +144,14 @@ impl Followed {
         self.strips.len().div_ceil(COLUMN).max(1)
     }
 
-    /// Takes the words away from stretches that are too short for them. Strips and page share the width of
-    /// the window; a third of it is that of the strips of health.
-    fn shorten(&self, recording: &Recording) -> Result<(), StreamError> {
+    /// Leaves their words to the stretches that have room for them. Strips and page share the width of the
+    /// window.
+    fn fit(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let (first, last) = self.tracker.span();
-        let whole = (last - first).nanos() / 3 * (self.columns() as i64 + 1);
-        let end = last.nanos();
-        self.strips.iter().try_for_each(|strip| strip.shorten(recording, end, whole))
+        let width = strip::BELOW / (self.columns() + 1) as f64;
+        let run_and_width = ((last - first).nanos(), width);
+        let fit = |strip: &mut Strip| strip.fit(recording, last.nanos(), run_and_width);
+        self.strips.iter_mut().try_for_each(fit)
     }
 
     /// Writes the page of verdicts as they stand.
@@ -176,10 +184,15 @@ impl Tab for Observability {
         self.followed.as_mut().map_or(Ok(()), |followed| followed.take(record, recording))
     }
 
+    fn flush(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        let watched = self.followed.as_mut().filter(|f| recording.is_live() && f.tracker.started());
+        watched.map_or(Ok(()), |followed| followed.fit(recording))
+    }
+
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.followed.as_mut().map_or(Ok(()), |followed| {
             followed.tracker.finish();
-            followed.shorten(recording)?;
+            followed.fit(recording)?;
             followed.write_page(recording)
         })
     }
@@ -197,7 +210,10 @@ impl Tab for Observability {
         let mut views: Vec<ContainerLike> = contents
             .chunks(rows.max(1))
             .enumerate()
-            .map(|(k, part)| layout.lanes(TITLES[k.min(1)], part))
+            .map(|(k, part)| {
+                let with_clock = [&["+ /clock".to_owned()], part].concat();
+                layout.lanes(TITLES[k.min(1)], &with_clock)
+            })
             .collect();
         views.push(TextDocumentView::new("What is determined").with_origin(page_entity()).into());
         Some(Horizontal::new(views).with_name("Observability").into())

@@ -11,38 +11,37 @@ const GREW: f64 = 1.1;
 /// Greatest number of blocks that are named.
 const BLOCKS: usize = 12;
 
-/// A block, its components, and the largest last sigma over the prior.
+/// A block, its components, and the largest weight of the prior among them, or the largest last sigma over
+/// the prior.
 type Named = (String, f64);
 
 /// Writes the answer. `left` is the weight that the prior of a component still has, by a tab that follows it;
 /// without one it follows from the last sigma.
 pub fn write(page: &mut String, blocks: &[BlockSeries], left: &dyn Fn(&str, &str) -> Option<f64>) {
-    let [mut in_part, mut open]: [Vec<Named>; 2] = Default::default();
+    let [mut in_part, mut open, mut grown]: [Vec<Named>; 3] = Default::default();
     let (mut total, mut determined) = (0, 0);
     for block in blocks {
         let name = block.block_name();
-        let weight = |k: usize| -> Option<(f64, f64)> {
+        // the component, the weight of its prior, and its last sigma over the prior
+        let weight = |k: usize| -> Option<(usize, f64, f64)> {
             let c = &block.components[k];
             let share = c.tally.converged()?;
-            Some((left(&name, &c.name).unwrap_or(share * share), share))
+            Some((k, left(&name, &c.name).unwrap_or(share * share), share))
         };
-        let all = (0..block.components.len()).filter_map(|k| Some((k, weight(k)?)));
-        let all: Vec<(usize, (f64, f64))> = all.collect();
+        let all: Vec<_> = (0..block.components.len()).filter_map(weight).collect();
         total += all.len();
-        determined += all.iter().filter(|(_, (weight, _))| *weight <= DETERMINED).count();
-        for (named, from, to) in
-            [(&mut in_part, DETERMINED, IN_PART), (&mut open, IN_PART, f64::INFINITY)]
-        {
-            let within = |weight: f64| weight > from && weight <= to;
-            let some: Vec<_> = all.iter().filter(|(_, (weight, _))| within(*weight)).collect();
-            let Some(largest) = some.iter().map(|(_, (_, share))| *share).reduce(f64::max) else {
-                continue;
-            };
-            let parts: Vec<usize> = some.iter().map(|(k, _)| *k).collect();
-            named.push((block.names(&parts), largest));
-        }
+        determined += all.iter().filter(|c| c.1 <= DETERMINED).count();
+        let name = |to: &mut Vec<Named>, is: &dyn Fn(f64, f64) -> Option<f64>| {
+            let some = all.iter().filter_map(|(k, w, share)| Some((*k, is(*w, *share)?)));
+            let (parts, values): (Vec<usize>, Vec<f64>) = some.unzip();
+            let largest = values.into_iter().reduce(f64::max);
+            to.extend(largest.map(|largest| (block.names(&parts), largest)));
+        };
+        name(&mut in_part, &|w, _| (w > DETERMINED && w <= IN_PART).then_some(w));
+        name(&mut open, &|w, share| (w > IN_PART && share <= GREW).then_some(w));
+        name(&mut grown, &|w, share| (w > IN_PART && share > GREW).then_some(share));
     }
-    let answer = match (determined, in_part.is_empty() && open.is_empty()) {
+    let answer = match (determined, in_part.is_empty() && open.is_empty() && grown.is_empty()) {
         (_, true) => "Yes",
         (0, _) => "No",
         _ => "In part",
@@ -52,22 +51,21 @@ pub fn write(page: &mut String, blocks: &[BlockSeries], left: &dyn Fn(&str, &str
         "\n**Did it converge?** {answer}: {determined} of {total} states are determined, with at most 1/16 of \
          the prior's weight left."
     );
-    write_named(page, " In part, with at most half", in_part);
-    let (grown, open) = open.into_iter().partition(|(_, share)| *share > GREW);
-    write_named(page, " Not determined", open);
-    write_named(page, " Not determined, and the sigma has grown", grown);
+    write_named(page, "In part, with at most half of it left", in_part);
+    write_named(page, "Not determined, with more of it left", open);
+    write_named(page, "Sigma grew (last sigma over the prior)", grown);
     page.push('\n');
 }
 
-/// Writes blocks, each with its largest last sigma over the prior.
+/// Writes blocks, each with its number.
 fn write_named(page: &mut String, what: &str, mut named: Vec<Named>) {
     if named.is_empty() {
         return;
     }
     named.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let words = named.iter().take(BLOCKS).map(|(name, share)| format!("{name} ({share:.2})"));
+    let words = named.iter().take(BLOCKS).map(|(name, value)| format!("{name} ({value:.2})"));
     let words = words.collect::<Vec<_>>().join(", ");
-    let _ = write!(page, "{what} (last sigma over the prior): {words}");
+    let _ = write!(page, " {what}: {words}");
     match named.len().saturating_sub(BLOCKS) {
         0 => page.push('.'),
         more => _ = write!(page, ", and those of {more} more blocks."),
@@ -79,13 +77,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_blocks_have_their_last_sigma_over_the_prior_the_largest_first() {
+    fn the_blocks_have_the_weight_of_their_prior_the_largest_first() {
         let mut page = String::new();
         let named = [("ins.gyro_bias z", 0.9), ("ins.position", 1.0)];
         let named = named.map(|(name, share)| (name.to_owned(), share));
         write_named(&mut page, "Not determined", named.to_vec());
-        let expected = "Not determined (last sigma over the prior): ins.position (1.00), \
-                        ins.gyro_bias z (0.90).";
+        let expected = " Not determined: ins.position (1.00), ins.gyro_bias z (0.90).";
         assert_eq!(page, expected);
         write_named(&mut page, "In part", Vec::new());
         assert_eq!(page, expected);

@@ -184,14 +184,14 @@ pub fn states(run: &Run) -> String {
     let corrected: usize = run.corrected.iter().map(|block| block.components.len()).sum();
     shown.extend(others.into_iter().take(STATES.saturating_sub(corrected)));
     let [error, largest] = match run.simulated {
-        true => ["error ± 1 sigma, end", "largest (sigmas)"],
+        true => ["error ± sigma", "largest (sigmas)"],
         false => ["minus reference ± sigma", "largest (of both)"],
     };
     let mut page = String::new();
     write_corrected(&mut page, &run.corrected);
     page += &match known {
-        true => format!("| state | {error} | {largest} | unit | at |\n"),
-        false => "| state | 1 sigma, end | of the prior | unit | |\n".to_owned(),
+        true => format!("| state | {error} | {largest} | unit | at, s |\n"),
+        false => "| state | 1 sigma | of the prior | unit | |\n".to_owned(),
     };
     page.push_str("|---|--:|--:|---|--:|\n");
     // states of one kind have one unit: that of their sigma, unless their errors were far larger
@@ -214,7 +214,7 @@ pub fn states(run: &Run) -> String {
                 let at = time.seconds();
                 writeln!(
                     page,
-                    "| {name} | {error} ± {sigma} | {largest} ({sigmas:.1}{mark}) | {unit} | {at:.0} s |"
+                    "| {name} | {error} ± {sigma} | {largest} ({sigmas:.1}{mark}) | {unit} | {at:.0} |"
                 )
             }
             _ => {

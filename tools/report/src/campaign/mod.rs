@@ -155,7 +155,8 @@ fn states(campaign: &Campaign, point: &PointReport) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "state" } th {} th { "RMSE" } th { "1-sigma" } th { "RMSE/" wbr; "sigma" }
-                th { "bound" } th { "RMSE/" wbr; "bound" } th { "mean error" } th.name { "unit" }
+                th.more { "bound" } th { "RMSE/" wbr; "bound" } th.more { "mean error" }
+                th.name { "unit" }
             } }
             tbody {
                 @for (k, s) in point.states.iter().enumerate() {
@@ -164,8 +165,8 @@ fn states(campaign: &Campaign, point: &PointReport) -> Markup {
                         td.name { (s.component.component) }
                         td { (number(s.rmse)) } td { (number(s.sigma)) }
                         td { (ratio(s.rmse_over_sigma)) }
-                        td { (number(s.bound)) } td { (ratio(s.rmse_over_bound)) }
-                        td { (number(s.mean_error)) } td.name { (s.component.unit) }
+                        td.more { (number(s.bound)) } td { (ratio(s.rmse_over_bound)) }
+                        td.more { (number(s.mean_error)) } td.name { (s.component.unit) }
                     }
                 }
             }

@@ -234,7 +234,7 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "state" } th.name { "verdict" } th { "since" } th { "remaining sigma" }
-                th { "bits" } th.name { "bits by sensor" } th.name { "missing" }
+                th { "bits" } th.name.more { "bits by sensor" } th.name { "missing" }
             } }
             tbody {
                 @for state in &observed.states {
@@ -249,7 +249,7 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
                         td { (number(state.normalised, state.normalised)) }
                         // no sign before a zero
                         td { (format!("{:.1}", (10.0 * state.bits).round() / 10.0 + 0.0)) }
-                        td.name { (contributions(&state.information)) }
+                        td.name.more { (contributions(&state.information)) }
                         td.text { (state.missing.as_deref().unwrap_or_default()) }
                     }
                 }

@@ -36,7 +36,7 @@ const PAGES: &[(&[&str], Views)] = &[
         &["Overview"],
         &[
             ("From above; ", &[TRUTH, MARK]),
-            ("Follows the vehicle; ", &[BEAM]),
+            ("Follows the vehicle", &[BEAM]),
             ("Verdict and reasons", &[]),
             ("Health of the sensors", &[USED, STRIP[0], STRIP[1]]),
             ("States at the end", &[]),
@@ -140,8 +140,8 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
 
 /// The places of views in the window of 1600x1000, as shares of its width and height: the view that
 /// follows the vehicle, and the strips of health without their names at the left.
-const FOLLOWS: [f64; 4] = [0.285, 0.1, 0.55, 0.6];
-const STRIPS: [f64; 4] = [0.03, 0.66, 0.38, 0.96];
+const FOLLOWS: [f64; 4] = [0.25, 0.1, 0.465, 0.62];
+const STRIPS: [f64; 4] = [0.03, 0.66, 0.44, 0.96];
 
 fn part(window: &image::RgbImage, [left, top, right, bottom]: [f64; 4]) -> image::RgbImage {
     let (w, h) = (f64::from(window.width()), f64::from(window.height()));
