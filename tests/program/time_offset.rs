@@ -3,6 +3,7 @@
 use crate::common::{run_without_sinks, scenario, snapir};
 use navfuse_campaign::{Campaign, Extent, Folder, Options, execute};
 use navfuse_core::document::Document;
+use navfuse_core::model::record::verdict::Reason;
 use navfuse_core::session::summary::Summary;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -104,5 +105,21 @@ fn a_recorded_dvl_with_stamps_400_ms_late_is_found_to_lag() {
         let [(own, _), (late, sigma)] = found;
         assert!((late - own - 0.4).abs() < 0.1 && sigma < 0.02, "{name}: {own} and {late} s");
         assert!(own.abs() < 0.1, "{name}: {own} s as recorded");
+    }
+}
+
+/// Stamps of GPS time beside an IMU in UTC, with and without a state for small offsets: both runs name the
+/// receiver first, with the size.
+#[test]
+fn leap_seconds_of_a_receiver_are_named_while_the_run_goes_on() {
+    for offset in [None, Some(r#"sensor.gnss.time_offset={ sigma = "20 ms" }"#)] {
+        let late = r#"sensor.gnss.simulation.faults=[{ type = "clock-offset", size = "18 s" }]"#;
+        let healthy = ["sensor.imu.simulation.faults=[]", "sensor.gnss.simulation.outages=[]"];
+        let settings = healthy.into_iter().chain([late]).chain(offset).map(str::to_owned);
+        let settings: Vec<String> = settings.collect();
+        let run = run_without_sinks(&scenario("faults/gnss-outage"), &settings);
+        let first = run.summary.verdict.reasons.first();
+        let named = |r: &Reason| r.about == "gnss" && r.text.contains("saw 18 s before them");
+        assert!(first.is_some_and(named), "{offset:?}: {first:?}");
     }
 }
