@@ -22,6 +22,9 @@ const LEAST: usize = 15;
 const CORRELATED: f64 = 0.5;
 /// Correlation from which two motions are one.
 const RELATED: f64 = 0.8;
+/// Speed, m/s, from which the course is hardly noisy, and the root mean square, rad, of turns beyond its noise.
+const DRIVES: f64 = 3.0;
+const TURN: f64 = 0.1;
 /// Root mean square of the changes of velocity, m/s, from which a vehicle manoeuvres.
 const MANOEUVRE: f64 = 0.05;
 /// Largest 1-sigma, rad, of a turn that is determined: five of them are less than half of a quarter turn.
@@ -33,6 +36,8 @@ const QUARTER: f64 = 0.35;
 /// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is
 /// taken: 1e5 : 1.
 const EVIDENT: f64 = 23.0;
+/// The same within which two explanations are as likely.
+const EQUAL: f64 = 1.0;
 /// The same for the order of latitude and longitude that no heading gives: 1e2 : 1.
 pub const EITHER: f64 = 9.2;
 
@@ -58,10 +63,13 @@ pub enum Sense {
     Rates,
     /// Its specific forces are negative: those of Apple's devices point along gravity at rest.
     Forces,
+    /// Its vertical specific force alone is negative: loggers of cars have +1 g at rest beside axes forward and right.
+    Vertical,
 }
 
 impl Sense {
-    const ALL: [Self; 4] = [Self::Right, Self::LeftHanded, Self::Rates, Self::Forces];
+    const ALL: [Self; 5] =
+        [Self::Right, Self::LeftHanded, Self::Rates, Self::Forces, Self::Vertical];
 
     /// The rates and forces with the right senses.
     fn right(self, rate: [f64; 3], force: [f64; 3]) -> [[f64; 3]; 2] {
@@ -70,13 +78,17 @@ impl Sense {
             Self::LeftHanded => [rate, force].map(|[x, y, z]| [x, -y, z]),
             Self::Rates => [rate.map(|w| -w), force],
             Self::Forces => [rate, force.map(|f| -f)],
+            Self::Vertical => {
+                let [x, y, z] = force;
+                [rate, [x, y, -z]]
+            }
         }
     }
 }
 
 /// The integrals of an inertial unit in each of the senses.
 #[derive(Clone, Debug, Default)]
-pub struct Senses([Inertial; 4]);
+pub struct Senses([Inertial; 5]);
 
 impl Senses {
     /// Takes the mean angular rate and specific force of the interval that ends at a time.
@@ -241,11 +253,40 @@ pub fn against_course(imu: &Senses, force: [f64; 3], rows: &[[f64; 3]]) -> Optio
         let Some((turn, cost)) = sensed(inertial, force, rows) else { continue };
         // the less usual sense must be far more likely
         let margin = if sense == Sense::Right { 0.0 } else { EVIDENT };
-        if best.is_none_or(|(least, _)| cost + margin < least) {
+        // all forces against the others, turned by half, and the vertical one alone are as likely: the mounting that
+        // needs no turn is the usual one
+        let equal = |least: f64, known: &Mounted| {
+            (cost + margin - least).abs() < EQUAL && turn.angle.abs() < known.turn.angle.abs() - 1.0
+        };
+        if best.as_ref().is_none_or(|(least, known)| cost + margin < *least || equal(*least, known))
+        {
             best = Some((cost + margin, Mounted { turn, sense }));
         }
     }
     best.map(|(_, mounted)| mounted)
+}
+
+/// Ratio of the turns of a course to those that an inertial unit with this mean specific force measures, where both are
+/// related; the rows have time, velocity north and velocity east.
+pub fn rate_ratio(imu: &Inertial, force: [f64; 3], rows: &[[f64; 3]]) -> Option<f64> {
+    let axis = down(force)?;
+    let (mut count, mut product, mut squares) = (0, 0.0, [0.0; 2]);
+    for [a, b] in pairs(rows) {
+        let Some((_, rotated)) = inertial(imu, a[0], b[0], axis) else { continue };
+        let slowest = a[1].hypot(a[2]).min(b[1].hypot(b[2]));
+        if slowest < DRIVES {
+            continue;
+        }
+        let [from, to] = [a, b].map(|row| row[2].atan2(row[1]));
+        let turned = (to - from + PI).rem_euclid(TAU) - PI;
+        count += 1;
+        product += turned * rotated;
+        squares = [squares[0] + turned * turned, squares[1] + rotated * rotated];
+    }
+    let correlation = product.abs() / (squares[0] * squares[1]).sqrt();
+    let turns = squares[0] > TURN * TURN * f64::from(count);
+    let related = count >= LEAST as i32 && turns && correlation > RELATED;
+    related.then(|| product.abs() / squares[1])
 }
 
 /// Tests whether the course of a vehicle turns as if east and north were exchanged: by the turns alone,

@@ -8,7 +8,7 @@ const UNPACK: &str = "unpack it and give its files";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 25] = [
+const LONG: [Mark; 24] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -32,8 +32,6 @@ const LONG: [Mark; 25] = [
     (0, b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", UNPACK),
     (0, b"Rar!\x1a\x07", "a RAR archive", UNPACK),
     (0, b"BZh91AY&SY", "a file packed with bzip2", UNPACK),
-    // its angles are minutes, and its longitudes positive to the west
-    (0, b"File created on ", "a file of Racelogic VBOX", TABLE),
     (257, b"ustar", "a tar archive", UNPACK),
 ];
 

@@ -10,12 +10,6 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use std::path::PathBuf;
 
-/// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
-const FAST: f64 = 0.5;
-const STILL: f64 = 0.005;
-/// Ratio of rates in deg/s to the changes of the attitude in rad/s: 57, or less by the noise of the
-/// changes.
-const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
 /// Noise of rates, deg/h/sqrt(Hz), beyond any instrument: 1 deg/s/sqrt(Hz), ten times that of a phone on
 /// a rough road.
 const NOISY: f64 = 3600.0;
@@ -44,10 +38,12 @@ pub struct Samples {
     pub rotation: Option<Rotation>,
     /// 1-sigma of the roll, pitch and yaw, rad, of axes that were guessed by the motion; zero for others.
     pub doubt: [f64; 3],
-    /// Set if rates are in deg/s.
-    pub degrees: bool,
+    /// Factor of the rates, of which the motion shows another unit.
+    pub rates: Option<f64>,
     /// Set if rates, and specific forces, are negative.
     pub negative: [bool; 2],
+    /// Set if the vertical specific force is negative.
+    pub vertical: bool,
     /// Set if the second axis was turned, because the axes formed a left-handed set.
     pub mirrored: bool,
     /// Set if a depth counts upwards.
@@ -77,14 +73,15 @@ impl Samples {
     pub fn line(&self) -> Option<String> {
         let axes =
             self.axes.as_ref().map(|[x, y, z]| format!("axes = [\"{x}\", \"{y}\", \"{z}\"]"));
-        let unit = if self.degrees { 1_f64.to_radians() } else { 1.0 };
+        let unit = self.rates.unwrap_or(1.0);
         let sizes = [("gyro", unit), ("accel", 1.0)];
         let factors = sizes.iter().zip(self.negative).filter_map(|((name, size), negative)| {
             let size = if negative { -size } else { *size };
             let vector = || ["x", "y", "z"].map(|axis| format!("{name}_{axis} = {size}"));
             (size != 1.0).then(|| vector().join(", "))
         });
-        let factors: Vec<String> = factors.collect();
+        let vertical = self.vertical.then(|| "accel_z = -1".to_owned());
+        let factors: Vec<String> = factors.chain(vertical).collect();
         let factor =
             (!factors.is_empty()).then(|| format!("factor = {{ {} }}", factors.join(", ")));
         let depth = self.upwards.then(|| "factor = { depth = -1 }".to_owned());
@@ -120,6 +117,7 @@ impl Recording {
         let changed = self.drop_empty(streams) || changed;
         // clocks and mountings are compared in the right axes, and axes on the right clock
         changed
+            || self.rates_by_course(streams)
             || self.turn_depth(streams)
             || self.count_pressure(streams)
             || self.turn_beams(streams)
@@ -136,32 +134,6 @@ impl Recording {
 
     pub fn part_mut(&mut self, name: &str) -> Option<&mut Part> {
         self.parts.iter_mut().find(|part| part.name == name)
-    }
-
-    /// Scales the rates of a bag's IMU that are in degrees: they exceed the changes of the
-    /// vehicle's own roll and pitch by far.
-    fn scale_rates(&mut self, streams: &[StreamSurvey]) -> bool {
-        let Some((imu, own)) = find(streams, "imu").zip(find(streams, "attitude")) else {
-            return false;
-        };
-        let fits = |(gyro, angle): (&str, &str)| {
-            let Some((k, a)) = imu.channel(gyro).zip(own.channel(angle)) else { return false };
-            let rate = imu.mean[k].hypot(imu.wander[k]).hypot(imu.noise[k]);
-            let turn = std::f64::consts::SQRT_2 * own.noise[a] / own.interval.max(1e-9);
-            rate > FAST && turn > STILL && DEGREES.contains(&(rate / turn))
-        };
-        let fast = [("gyro_x", "roll"), ("gyro_y", "pitch")].map(fits).iter().all(|f| *f);
-        let Some(part) = self.part_mut("imu").filter(|p| p.reader == Reader::Bag) else {
-            return false;
-        };
-        if !fast || std::mem::replace(&mut part.samples.degrees, true) {
-            return false;
-        }
-        let text =
-            "the vehicle's own attitude turns as if the rates were in deg/s: they are scaled";
-        part.found.questions.push(text.to_owned());
-        self.notes.push(format!("imu: {text}"));
-        true
     }
 
     /// Leaves out an IMU whose rates are noise beyond any instrument, where an attitude is known.
@@ -305,6 +277,7 @@ impl Recording {
             Sense::LeftHanded => "its axes form a left-handed set: y is turned",
             Sense::Rates => "its rates have the wrong sign: the signs are reversed",
             Sense::Forces => "its specific forces have the wrong sign: the signs are reversed",
+            Sense::Vertical => "its vertical specific force has the wrong sign: it is reversed",
         };
         let Some(part) = self.part_mut("imu") else { return false };
         // each sense is turned once
@@ -319,6 +292,11 @@ impl Recording {
                 // the vertical, which the forces show, points the other way
                 part.samples.axes = None;
                 part.found.source.retain(|key| key != "axes = \"frd\"");
+                self.turned = [false; 2];
+            }
+            Sense::Vertical if !part.samples.vertical && !part.samples.negative[1] => {
+                part.samples.vertical = true;
+                part.samples.axes = None;
                 self.turned = [false; 2];
             }
             _ => return false,

@@ -70,6 +70,8 @@ pub struct StreamSurvey {
     pub turn: Option<Turn>,
     /// The turn and the senses of the IMU against the course of a receiver.
     pub course: Option<Mounted>,
+    /// Ratio of the turns of this course to those of the rates of the IMU.
+    pub rate_ratio: Option<f64>,
     /// Set if the course of a receiver turns as if east and north were exchanged: by the turns alone, and
     /// by the accelerations too.
     pub mirrored: [bool; 2],
@@ -267,6 +269,7 @@ pub fn survey(
                 clock: None,
                 turn: None,
                 course: None,
+                rate_ratio: None,
                 mirrored: [false; 2],
                 earth: None,
                 sinks: None,
@@ -363,6 +366,7 @@ fn compare(running: &mut [Running], beams: Option<&Beams>) {
         }
         match (force, measured) {
             (Some(force), Measured::Ground(rows)) => {
+                one.survey.rate_ratio = axes::rate_ratio(imu.as_they_are(), force, rows);
                 one.survey.course = axes::against_course(&imu, force, rows);
                 one.survey.mirrored = axes::is_mirrored(&imu, force, rows, one.exchanged());
             }

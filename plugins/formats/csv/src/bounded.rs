@@ -4,6 +4,7 @@
 
 use crate::folder::{Folder, is_folder};
 use crate::labelled::Labelled;
+use crate::transposed::{self, Columns};
 use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
@@ -12,6 +13,8 @@ use std::path::Path;
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
+/// Bytes by which a file with an array for each column is recognised.
+const BUFFER: usize = 16 * 1024;
 /// First bytes of a file that gzip packed.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// First bytes of a file that zstd packed.
@@ -26,6 +29,8 @@ pub struct Form {
     pub decimal_comma: bool,
     /// Number of lines at the beginning that become comments, by this character.
     pub skipped: (u64, u8),
+    /// Number of lines after which the table ends.
+    pub until: Option<u64>,
     /// Headings of rows that name their values.
     pub labels: Option<Vec<String>>,
 }
@@ -125,6 +130,18 @@ impl Bounded {
         }
     }
 
+    /// The number of bytes before the end of the table.
+    fn within(&mut self, bytes: &[u8]) -> usize {
+        let Some(lines) = &mut self.form.until else { return bytes.len() };
+        for (at, _) in bytes.iter().enumerate().filter(|(_, b)| **b == b'\n') {
+            *lines -= 1;
+            if *lines == 0 {
+                return at + 1;
+            }
+        }
+        bytes.len()
+    }
+
     /// Begins a row.
     pub fn begin_row(&mut self) {
         self.left = LONGEST_ROW + self.buffer;
@@ -161,9 +178,40 @@ fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, 
 /// When the file cannot be read.
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
+    if let Some(text) = of_columns(path, most)? {
+        return Ok(text.into_bytes());
+    }
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
     Bounded::open(path, buffer, Form::default())?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// The first records, as objects of JSON in at most so many bytes, of a file with an array for each column; `None` for
+/// another file.
+///
+/// # Errors
+/// When the file cannot be read.
+fn of_columns(path: &Path, most: u64) -> io::Result<Option<String>> {
+    let mut file = Bounded::open(path, BUFFER, Form::default())?;
+    let mut beginning = Vec::new();
+    (&mut file).take(BUFFER as u64).read_to_end(&mut beginning)?;
+    let text = String::from_utf8_lossy(&beginning);
+    if !text.trim_start().starts_with(['{', '[']) || !transposed::begins(&text) {
+        return Ok(None);
+    }
+    let whole = Unbounded(Bounded::open(path, BUFFER, Form::default())?);
+    let columns = Columns::read(&mut { whole })?;
+    Ok(Some(columns.beginning(usize::try_from(most).unwrap_or(usize::MAX))))
+}
+
+/// A file that has no rows, of any length.
+struct Unbounded(Bounded);
+
+impl Read for Unbounded {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.0.begin_row();
+        self.0.read(bytes)
+    }
 }
 
 impl Read for Bounded {
@@ -178,11 +226,15 @@ impl Read for Bounded {
                 ),
             ));
         }
+        if self.form.until == Some(0) {
+            return Ok(0);
+        }
         let count = if self.form.joined && length > 1 {
             self.spaces.read(&mut self.file, &mut bytes[..length])?
         } else {
             self.file.read(&mut bytes[..length])?
         };
+        let count = self.within(&bytes[..count]);
         self.reform(&mut bytes[..count]);
         self.left -= count;
         self.given += count as u64;

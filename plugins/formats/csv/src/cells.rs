@@ -4,6 +4,7 @@ use crate::config::{Column, FileConfig, Notation};
 use crate::coordinates::coordinates;
 use crate::headings::Wanted;
 use crate::map::{Local, Map, Zone};
+use crate::number::number;
 use crate::stamp::TimeCell;
 use csv::ByteRecord;
 use nalgebra::Vector3;
@@ -30,6 +31,8 @@ pub struct ChannelCell {
     course: Option<usize>,
     /// Column that is added.
     plus: Option<usize>,
+    /// Column of the side of a latitude or longitude.
+    side: Option<usize>,
     /// Column of the northing of a position on a map.
     map: Option<(usize, Map)>,
     /// Numbers that stand for no measurement.
@@ -55,14 +58,14 @@ impl ChannelCell {
         }
         let parsed = |text: &[u8]| -> f64 {
             let text = std::str::from_utf8(text).ok();
-            text.and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
+            text.and_then(number).unwrap_or(f64::NAN)
         };
-        let number = |k: usize| parsed(cell(k));
-        if self.missing.contains(&number(0)) {
+        let value = |k: usize| parsed(cell(k));
+        if self.missing.contains(&value(0)) {
             return None;
         }
         if let Some((north, map)) = self.map {
-            let [east, north] = [number(0), parsed(text(north))];
+            let [east, north] = [value(0), parsed(text(north))];
             return Some(match map {
                 // zero is a receiver without a fix
                 Map::Utm(_) if east == 0.0 => f64::NAN,
@@ -76,24 +79,24 @@ impl ChannelCell {
         let number = match self.notation {
             Notation::Decimal => {
                 let plus = self.plus.map_or(0.0, |column| parsed(text(column)));
-                (number(0) + plus) * self.along(record)
+                (value(0) + plus) * self.along(record)
             }
             Notation::DegreesMinutes => {
-                let degrees = (number(0) / 100.0).trunc();
-                degrees + (number(0) - 100.0 * degrees) / 60.0
+                let degrees = (value(0) / 100.0).trunc();
+                degrees + (value(0) - 100.0 * degrees) / 60.0
             }
             Notation::DegreesMinutesSeconds => {
-                let one = number(0).is_nan();
+                let one = value(0).is_nan();
                 let cells = [cell(0), cell(1), cell(2)];
                 degrees(if one { &cells[..1] } else { &cells }).unwrap_or(f64::NAN)
             }
             Notation::LatitudeLongitude | Notation::LongitudeLatitude => {
                 let reversed = self.notation == Notation::LongitudeLatitude;
                 let pair = coordinates(&crate::text::text(cell(0)), reversed);
-                pair.map_or(f64::NAN, |pair| pair[self.axis.min(1)])
+                pair.map_or(f64::NAN, |pair| pair[self.axis])
             }
             Notation::EarthFixed => {
-                let point = Vector3::new(number(0), number(1), number(2));
+                let point = Vector3::new(value(0), value(1), value(2));
                 let position = Geodetic::from_earth_fixed(&point);
                 let [lat, lon, height] = [position.latitude, position.longitude, position.height];
                 // a point near the centre is a receiver without a fix
@@ -103,6 +106,8 @@ impl ChannelCell {
             }
         };
         let si = self.unit.map_or(number, |u| u.to_si(number));
+        let south_or_west = self.side.is_some_and(|k| matches!(text(k), b"S" | b"W" | b"s" | b"w"));
+        let si = if south_or_west { -si } else { si };
         Some(self.pressure.map_or(si, |[surface, metre]| (si - surface) / metre) * self.scale)
     }
 
@@ -110,7 +115,7 @@ impl ChannelCell {
     fn along(&self, record: &ByteRecord) -> f64 {
         let Some(column) = self.course else { return 1.0 };
         let cell = record.get(column).unwrap_or_default().trim_ascii();
-        let degrees = std::str::from_utf8(cell).ok().and_then(|t| t.parse::<f64>().ok());
+        let degrees = std::str::from_utf8(cell).ok().and_then(number);
         let (sin, cos) = degrees.unwrap_or(f64::NAN).to_radians().sin_cos();
         [cos, sin][self.axis.min(1)]
     }
@@ -209,14 +214,14 @@ pub fn channel_cells(
         let place = |names: &[&str]| names.iter().position(|name| *name == &*c.name);
         let course = given.and_then(|g| g.course.as_ref());
         let axis = match course {
-            _ if zone.is_some() || pair => place(&POSITION[..2]),
-            _ if earth_fixed || origin.is_some() => place(&POSITION),
+            _ if zone.is_some() => place(&POSITION[..2]),
+            _ if earth_fixed || origin.is_some() || pair => place(&POSITION),
             Some(_) => place(&COURSE),
             None => Some(0),
         };
         let Some(axis) = axis else {
-            let message = "lat, lon and height may be earth-fixed or have an origin, lat and lon a zone or \
-                           one text with both, vel_n and vel_e a course";
+            let message = "lat, lon and height may be earth-fixed, in one text or have an origin, lat and lon a \
+                           zone, vel_n and vel_e a course";
             return Err(StreamError::scenario(format!("{key}: {message}")));
         };
         let index = |heading: &String| {
@@ -227,6 +232,7 @@ pub fn channel_cells(
         let north = given.and_then(|g| g.north.as_ref()).map(index).transpose()?;
         let plus = given.and_then(|g| g.plus.as_ref()).map(index).transpose()?;
         let up = given.and_then(|g| g.up.as_ref()).map(index).transpose()?;
+        let side = given.and_then(|g| g.side.as_ref()).map(index).transpose()?;
         let unknown = || {
             format!(
                 "{key}: a zone such as \"32N\" or an origin needs `north`, `north` one of both, and `up` \
@@ -249,6 +255,7 @@ pub fn channel_cells(
             axis,
             course,
             plus,
+            side,
             map,
             missing: config.missing.clone(),
             pressure,

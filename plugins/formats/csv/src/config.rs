@@ -61,6 +61,11 @@ pub struct FileConfig {
     pub skip: u64,
     /// Headings of the columns, for a file without a line of headings. Default: the first line.
     pub headings: Option<Vec<String>>,
+    /// Number of lines after which the table ends, where another one follows. Default: it ends with the file.
+    pub until: Option<u64>,
+    /// Columns with several numbers in each cell, such as `[0.1, 0.2, 9.8]`, with how many they are: the headings of
+    /// `{ accel = 3 }` are then `accel.0` to `accel.2`. Default: none.
+    pub vectors: BTreeMap<String, u8>,
     /// Set if each row names its values: objects of JSON, one after another or in an array, and lines
     /// such as `t=0.01 gx: 0.2`, and points of GPX, TCX and KML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
     /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
@@ -99,6 +104,8 @@ impl Default for FileConfig {
             comment: '#',
             skip: 0,
             headings: None,
+            until: None,
+            vectors: BTreeMap::new(),
             labels: false,
             decimal: Decimal::default(),
             rows: BTreeMap::new(),
@@ -191,6 +198,8 @@ pub struct Column {
     /// Heading of a column in the same unit that is added, such as the height of the geoid beside a
     /// height above it. Default: none.
     pub plus: Option<String>,
+    /// Heading of a column with N, S, E or W: the value is negative to the south and to the west. Default: none.
+    pub side: Option<String>,
     /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
     /// Notation of a position: `decimal` (default), `degrees-minutes`, `degrees-minutes-seconds`,
@@ -226,7 +235,7 @@ pub enum Notation {
     /// Coordinates x, y, z of Earth-fixed axes, in three columns from this one on, in m.
     EarthFixed,
     /// Latitude and longitude in one text, such as `57.1 N 11.9 E`, `57°06.0'N 011°54.0'E`, `57.1, 11.9` or
-    /// `POINT (11.9 57.1)`.
+    /// `POINT (11.9 57.1)`; a third number is the height in m.
     LatitudeLongitude,
     /// The same with the longitude first, such as `11.9, 57.1`.
     LongitudeLatitude,
@@ -241,9 +250,10 @@ pub struct TimeColumn {
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
     /// Form of the time: `number` (default), `date-time` for text such as 2022-06-01T08:30:00.25Z,
-    /// 2022-06-01 10:30:00.25+02:00, 2022/06/01 08:30:00.25 or 2022/06/01 8:30:00.25 AM, `time-of-day`
-    /// for 08:30:00.25 or 083000.25, which counts from midnight, `matlab` for days since the year 0 (`datenum`), or `excel` for days since
-    /// 1899-12-30.
+    /// 2022-06-01 10:30:00.25+02:00, 2022/06/01 8:30:00.25 AM, 01-Jun-2022 08:30:00.25, 2022:152:08:30:00.25 or
+    /// 20220601T083000.25, `time-of-day` for 08:30:00.25 or 083000.25, which counts from midnight; days in `matlab`
+    /// (`datenum`, since the year 0), `excel` (since 1899-12-30), `julian` and `modified-julian`; 100 ns in `dotnet`
+    /// (since the year 1) and `filetime` (since 1601); seconds in `labview` (since 1904) and `cocoa` (since 2001).
     #[serde(default)]
     pub format: TimeFormat,
     /// Order of the parts of a date. Default: `year-month-day`.
@@ -252,6 +262,8 @@ pub struct TimeColumn {
     /// Headings of year, month, day, hour and minute, where the column of the time has the seconds
     /// of the minute. Default: none.
     pub fields: Option<[String; 5]>,
+    /// Headings of the year and of the day of the year, where the column of the time has the seconds of the day. Default: none.
+    pub of_year: Option<[String; 2]>,
     /// Heading of the column of nanoseconds that are added to the column of the time. Default: none.
     pub nanos: Option<String>,
     /// Unit of this column, such as `ms`. Default: ns.
@@ -287,6 +299,18 @@ pub enum TimeFormat {
     Matlab,
     /// Days since 1899-12-30, as Excel counts them.
     Excel,
+    /// Julian days, which begin at noon.
+    Julian,
+    /// Modified Julian days, since 1858-11-17.
+    ModifiedJulian,
+    /// Ticks of 100 ns since the year 1, as .NET counts them.
+    Dotnet,
+    /// Ticks of 100 ns since 1601, as Windows counts them.
+    Filetime,
+    /// Seconds since 2001, as Apple counts them.
+    Cocoa,
+    /// Seconds since 1904, as LabVIEW counts them.
+    Labview,
 }
 
 /// The order of the parts of a date.

@@ -53,9 +53,9 @@ fn degrees(numbers: &[f64]) -> Option<f64> {
     valid.then(|| first + (part(0) + part(1) / 60.0) / 60.0)
 }
 
-/// Latitude and longitude of a text, deg. Without N, S, E and W the longitude comes first if `longitude_first`.
+/// Latitude and longitude of a text, deg, and a third number, NaN where there is none. Without N, S, E and W the longitude comes first if `longitude_first`.
 #[must_use]
-pub fn coordinates(text: &str, longitude_first: bool) -> Option<[f64; 2]> {
+pub fn coordinates(text: &str, longitude_first: bool) -> Option<[f64; 3]> {
     let (parts, point) = parts(text.get(..LONGEST).map_or(text, |_| ""))?;
     let count = parts.iter().filter(|part| matches!(part, Part::Number(_))).count();
     let mut sides: Vec<(char, Vec<f64>)> = Vec::new();
@@ -70,6 +70,7 @@ pub fn coordinates(text: &str, longitude_first: bool) -> Option<[f64; 2]> {
             Part::Side(side) => sides.push((side, std::mem::take(&mut numbers))),
         }
     }
+    let height = numbers.get(2).copied().unwrap_or(f64::NAN);
     let [lat, lon] = match (sides.as_slice(), numbers.as_slice()) {
         // a third number is a height
         ([], [a, b] | [a, b, _]) if longitude_first || point => [*b, *a],
@@ -88,7 +89,7 @@ pub fn coordinates(text: &str, longitude_first: bool) -> Option<[f64; 2]> {
         }
         _ => return None,
     };
-    (lat.abs() <= 90.0 && lon.abs() <= 360.0).then_some([lat, lon])
+    (lat.abs() <= 90.0 && lon.abs() <= 360.0).then_some([lat, lon, height])
 }
 
 #[cfg(test)]
@@ -112,11 +113,18 @@ mod tests {
             "POINT Z (11.9 57.1 20)",
         ] {
             let near = coordinates(text, false)
-                .is_some_and(|[a, b]| (a - 57.1).abs() < 1e-12 && (b - 11.9).abs() < 1e-12);
+                .is_some_and(|[a, b, _]| (a - 57.1).abs() < 1e-12 && (b - 11.9).abs() < 1e-12);
             assert!(near, "{text}: {:?}", coordinates(text, false));
         }
-        assert_eq!(coordinates("-70.5 -33.25", true), Some([-33.25, -70.5]));
-        assert_eq!(coordinates("33.25S 70.5W", true), Some([-33.25, -70.5]));
+        for text in ["-70.5 -33.25", "33.25S 70.5W"] {
+            let found =
+                coordinates(text, true).map(|[lat, lon, height]| (lat, lon, height.is_nan()));
+            assert_eq!(found, Some((-33.25, -70.5, true)));
+        }
+        assert_eq!(
+            coordinates("POINT Z (-70.5 -33.25 520.5)", false),
+            Some([-33.25, -70.5, 520.5])
+        );
         for text in
             ["57.1", "57.1 N", "1 2 3 4", "57.1 N 11.9 N", "lat 57", "95, 11", "57 61 N 1 E", ""]
         {
@@ -129,7 +137,7 @@ mod tests {
 
         #[test]
         fn any_text_has_coordinates_within_the_earth_or_none(text in "[0-9.NSEW°é'\" (),;POINT-]*") {
-            if let Some([lat, lon]) = coordinates(&text, false) {
+            if let Some([lat, lon, _]) = coordinates(&text, false) {
                 prop_assert!(lat.abs() <= 90.0 && lon.abs() <= 360.0);
             }
         }

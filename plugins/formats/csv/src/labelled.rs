@@ -1,7 +1,9 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
 //! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX, TCX and KML.
 
-use crate::paths::{bounded, join};
+use crate::object::object;
+use crate::paths::bounded;
+use crate::transposed::{self, Columns};
 use crate::wrapped;
 use crate::xml;
 use crate::yaml;
@@ -9,121 +11,53 @@ use std::io::{BufRead, BufReader, Chain, Cursor, Read, Result};
 
 /// Bytes by which the form is found.
 const BEGINNING: u64 = 16 * 1024;
-/// Deepest nesting of an object.
-const DEEPEST: usize = 32;
 /// Headings of a line's beginning: its date or time, and the kind of its record.
 const STAMP: &str = "stamp";
 const KIND: &str = "kind";
 
-/// A container of JSON: the length of its path, the next index of an array, and whether an object has
-/// a key that waits for its value.
-struct Level {
-    base: usize,
-    index: Option<usize>,
-    keyed: bool,
-}
-
-/// Calls `found` with the path and the text of each value of an object.
-fn object(text: &str, mut found: impl FnMut(&str, &str)) {
-    let (mut path, mut levels, mut rest) = (String::new(), Vec::<Level>::new(), text);
-    while let Some(first) = rest.chars().next() {
-        match first {
-            '}' | ']' => {
-                levels.pop();
-                if let Some(level) = levels.last_mut() {
-                    level.keyed = false;
-                }
-                rest = &rest[1..];
-                continue;
-            }
-            ',' | ':' => {
-                rest = &rest[1..];
-                continue;
-            }
-            c if c.is_whitespace() => {
-                rest = &rest[c.len_utf8()..];
-                continue;
-            }
-            _ => {}
-        }
-        if let Some(level) = levels.last_mut().filter(|l| l.index.is_some() || l.keyed) {
-            level.keyed = false;
-            if let Some(index) = &mut level.index {
-                path.truncate(level.base);
-                join(&mut path, &index.to_string());
-                *index += 1;
-            }
-        } else if first == '"'
-            && let Some(level) = levels.last_mut()
-        {
-            let (key, after) = string(rest);
-            path.truncate(level.base);
-            join(&mut path, key);
-            level.keyed = true;
-            rest = after;
-            continue;
-        }
-        match first {
-            '{' | '[' if levels.len() < DEEPEST => {
-                let index = (first == '[').then_some(0);
-                levels.push(Level { base: path.len(), index, keyed: false });
-                rest = &rest[1..];
-            }
-            '"' => {
-                let (value, after) = string(rest);
-                found(&path, value);
-                rest = after;
-            }
-            _ => {
-                let end = |c: char| c.is_whitespace() || [',', '}', ']'].contains(&c);
-                let at = rest.find(end).unwrap_or(rest.len()).max(first.len_utf8());
-                found(&path, if &rest[..at] == "null" { "" } else { &rest[..at] });
-                rest = &rest[at..];
-            }
-        }
-    }
-}
-
-/// The text of a string at the beginning, with its escapes, and what follows.
-fn string(text: &str) -> (&str, &str) {
-    let inner = &text[1..];
-    let mut escaped = false;
-    let end = inner.find(|c: char| {
-        let ends = c == '"' && !escaped;
-        escaped = c == '\\' && !escaped;
-        ends
-    });
-    end.map_or((inner, ""), |at| (&inner[..at], &inner[at + 1..]))
-}
-
 /// Calls `found` with the name and the text of each value of a line. What precedes the first name
-/// is the stamp of the line, and the last word of it the kind, where it is no number.
+/// is the stamp of the line, and the last word of it the kind, where it is no number. Names in brackets, as
+/// `accel=Vector(x=0.1)`, follow that of the brackets; digits alone at the end are the stamp of a line of InfluxDB.
 fn line(text: &str, mut found: impl FnMut(&str, &str)) {
     let named = |c: char| c.is_alphanumeric() || ['_', '.', '[', ']'].contains(&c);
-    let (mut at, mut first) = (0, true);
+    let (mut at, mut first, mut stamped) = (0, true, false);
+    let mut stems: Vec<&str> = Vec::new();
     while let Some(mark) = text[at..].find(['=', ':']).map(|k| at + k) {
         let before = text[at..mark].trim_end();
         let name = before.rsplit(|c: char| !named(c)).next().unwrap_or_default();
         let start = at + before.len() - name.len();
+        let closed = before.matches(')').count();
+        stems.truncate(stems.len().saturating_sub(closed));
         at = mark + 1;
         // otherwise it is the colon of a time
         if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
             continue;
         }
         if std::mem::take(&mut first) {
-            beginning(&text[..start], &mut found);
+            stamped = beginning(&text[..start], &mut found);
         }
         let value = text[at..].trim_start();
-        let end = |c: char| c.is_whitespace() || [',', ';', '}', '|'].contains(&c);
+        let end = |c: char| c.is_whitespace() || [',', ';', '}', '|', ')'].contains(&c);
         let value = &value[..value.find(end).unwrap_or(value.len())];
-        found(name, value);
         at = text.len() - text[at..].trim_start().len() + value.len();
+        match value.split_once('(') {
+            Some((word, inner)) if word.chars().all(named) && !word.is_empty() => {
+                stems.push(name);
+                at -= inner.len();
+            }
+            _ if stems.is_empty() => found(name, value),
+            _ => found(&format!("{}.{name}", stems.join(".")), value),
+        }
+    }
+    let rest = text[at..].trim();
+    if !first && !stamped && rest.len() > 8 && rest.bytes().all(|b| b.is_ascii_digit()) {
+        found(STAMP, rest);
     }
 }
 
-/// The stamp and the kind in what precedes the names of a line.
-fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
-    let text = text.trim_end_matches(['{', ' ', '\t', ',', ';']);
+/// The stamp and the kind in what precedes the names of a line; `true` if it has a stamp.
+fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
+    let text = text.trim_end_matches(['{', '(', ' ', '\t', ',', ';']);
     let cut = text.rfind(char::is_whitespace).map_or(0, |k| k + 1);
     let (stamp, kind) = match text.ends_with(|c: char| c.is_alphabetic()) {
         true => text.split_at(cut),
@@ -136,6 +70,7 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) {
     if !kind.is_empty() {
         found(KIND, kind);
     }
+    !stamp.is_empty()
 }
 
 /// The form of the records.
@@ -144,6 +79,8 @@ enum Form {
     Plain,
     /// Objects in an array that an object of JSON has.
     Wrapped(wrapped::Array),
+    /// Arrays of JSON, one for each column; read with the first record.
+    Columns(Option<Columns>),
     Yaml(yaml::Parts),
     Xml(xml::Points),
 }
@@ -163,7 +100,10 @@ impl<R: Read> Records<R> {
         let text = String::from_utf8_lossy(&beginning);
         let xml = || xml::Points::of(&text).map(Form::Xml);
         let wrapped = || wrapped::Array::of(&text).map(Form::Wrapped);
-        let form = yaml::Parts::of(&text).map(Form::Yaml).or_else(xml).or_else(wrapped);
+        let json = text.trim_start().starts_with(['{', '[']);
+        let columns = || (json && transposed::begins(&text)).then_some(Form::Columns(None));
+        let form = columns().or_else(|| yaml::Parts::of(&text).map(Form::Yaml));
+        let form = form.or_else(xml).or_else(wrapped);
         let form = form.unwrap_or(Form::Plain);
         let file = BufReader::new(Cursor::new(beginning).chain(file));
         Self { file, record: Vec::new(), form }
@@ -178,12 +118,24 @@ impl<R: Read> Records<R> {
                 let inside = array.enter(&mut self.file)?;
                 Ok(inside && next(&mut self.file, &mut self.record)? && self.record[0] == b'{')
             }
+            Form::Columns(columns) => {
+                if columns.is_none() {
+                    *columns = Some(Columns::read(&mut self.file)?);
+                }
+                Ok(columns.as_mut().is_some_and(Columns::advance))
+            }
             Form::Plain => next(&mut self.file, &mut self.record),
         }
     }
 
     /// Calls `found` with the path and the text of each value of the record.
     fn values(&self, found: impl FnMut(&str, &str)) {
+        if let Form::Columns(columns) = &self.form {
+            if let Some(columns) = columns {
+                columns.values(found);
+            }
+            return;
+        }
         let record = String::from_utf8_lossy(&self.record);
         match &self.form {
             Form::Yaml(_) => yaml::values(&record, found),

@@ -1,6 +1,7 @@
 //! The columns of the time: a number, a date, a time of the day, or a week of GPS.
 
 use crate::config::{FileConfig, Order, Scale, TimeColumn, TimeFormat};
+use crate::dates;
 use crate::headings::Wanted;
 use crate::time::{self, TimeError};
 use csv::ByteRecord;
@@ -9,11 +10,9 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::calendar::{self, Calendar, GPS_ZERO, WEEK};
 use navfuse_core::units::time::{Span, Time};
 
-/// Nanoseconds of a day.
+/// Nanoseconds of a day and of a second.
 const DAY: i64 = 86_400_000_000_000;
-/// Days from the first day of MATLAB and of Excel to 1970: from the year 0, and from 1899-12-30.
-const MATLAB: i64 = 719_529;
-const EXCEL: i64 = 25_569;
+const SECOND: i128 = 1_000_000_000;
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
 /// Part of a period by which a clock may be silent around its end: a minute and a half of a day.
@@ -44,8 +43,11 @@ enum Form {
     Fields([usize; 5], Option<Part>, bool),
     /// A time of the day.
     Day,
-    /// Days since a date, which is this number of days before 1970. With `true` on the scale of GPS.
-    Days(i64, bool),
+    /// A count in a unit of nanoseconds, and the count's nanoseconds at the begin of 1970. With `true` on the scale
+    /// of GPS.
+    Since(u64, i128, bool),
+    /// Columns of the year and of the day of the year, beside the seconds of the day. With `true` on the scale of GPS.
+    OfYear([usize; 2], bool),
     /// Column of the week of GPS, and the unit of the time within the week. With `true` on the scale
     /// of GPS, otherwise without leap seconds.
     Week(usize, u64, bool),
@@ -105,9 +107,9 @@ impl TimeCell {
             _ if given.unit.is_some() && (dated || given.format != TimeFormat::Number) => {
                 return contradicts("unit: a date has no unit; remove it");
             }
-            (None, _, TimeFormat::Matlab | TimeFormat::Excel) => {
-                let zero = if given.format == TimeFormat::Excel { EXCEL } else { MATLAB };
-                (text(named)?, Form::Days(zero, gps))
+            (None, _, format) if since(format).is_some() => {
+                let (unit, before) = since(format).unwrap_or((1, 0));
+                (text(named)?, Form::Since(unit, before, gps))
             }
             (None, date, _) if dated => {
                 let date = date.as_deref().map(text).transpose()?;
@@ -115,6 +117,13 @@ impl TimeCell {
             }
             _ if given.fields.is_some() => {
                 (text(named)?, Form::Fields(fields(given, text)?, part()?, gps))
+            }
+            (None, ..) if given.of_year.is_some() => {
+                let mut columns = [0; 2];
+                for (column, heading) in columns.iter_mut().zip(given.of_year.iter().flatten()) {
+                    *column = text(heading)?;
+                }
+                (text(named)?, Form::OfYear(columns, gps))
             }
             _ if given.scale.is_some() || given.origin.is_some() => {
                 return contradicts(
@@ -142,7 +151,8 @@ impl TimeCell {
             Form::Fields(fields, part, _) => {
                 fields.contains(&column) || part.is_some_and(|(k, _)| k == column)
             }
-            Form::Day | Form::Days(..) => false,
+            Form::OfYear(columns, _) => columns.contains(&column),
+            Form::Day | Form::Since(..) => false,
             Form::Week(week, ..) => week == column,
         };
         self.column == column || other
@@ -151,9 +161,11 @@ impl TimeCell {
     /// The form of the time, for a message.
     pub fn needs(&self) -> &'static str {
         match self.form {
-            Form::Number(..) | Form::Week(..) | Form::Fields(..) | Form::Days(..) => {
-                "a decimal number is needed"
-            }
+            Form::Number(..)
+            | Form::Week(..)
+            | Form::Fields(..)
+            | Form::OfYear(..)
+            | Form::Since(..) => "a decimal number is needed",
             Form::Date(..) => "a date such as 2022-06-01T08:30:00.25Z is needed",
             Form::Day => "a time of the day such as 08:30:00.25 or 083000.25 is needed",
         }
@@ -172,7 +184,8 @@ impl TimeCell {
             Form::Day => vec![spans[1]],
             Form::Number(..)
             | Form::Date(..)
-            | Form::Days(..)
+            | Form::Since(..)
+            | Form::OfYear(..)
             | Form::Fields(..)
             | Form::Week(..) => Vec::new(),
         };
@@ -207,9 +220,18 @@ impl TimeCell {
                 let nanos = text.ok_or(TimeError::NotANumber)?;
                 return Ok(Time::from_nanos(nanos) + self.offset);
             }
-            Form::Days(zero, gps) => {
-                let since = time::nanos(here, DAY as u64)? - i128::from(zero) * i128::from(DAY);
+            Form::Since(unit, before, gps) => {
+                let since = time::nanos(here, unit)? - before;
                 utc(i64::try_from(since).map_err(|_| TimeError::TooLarge)?, gps)
+            }
+            Form::OfYear(columns, gps) => {
+                let number = |k: usize| {
+                    std::str::from_utf8(cell(columns[k])).ok()?.trim().parse::<i32>().ok()
+                };
+                let day = number(0).zip(number(1)).and_then(|(y, d)| dates::day_of_year(y, d));
+                let since = time::parse(here, 1_000_000_000)?.nanos();
+                let day = day.ok_or(TimeError::NotANumber)?;
+                utc(day.checked_add(since).ok_or(TimeError::TooLarge)?, gps)
             }
             Form::Date(date, order, gps) => {
                 let nanos = date_and_time(date.map(cell), here, order);
@@ -235,6 +257,22 @@ impl TimeCell {
         let time = nanos.checked_sub(self.origin).ok_or(TimeError::TooLarge)?;
         let inside = (Time::MIN.nanos()..Time::MAX.nanos()).contains(&time);
         if inside { Ok(Time::from_nanos(time) + self.offset) } else { Err(TimeError::TooLarge) }
+    }
+}
+
+/// The unit in nanoseconds of a count since a date of its own, and the count's nanoseconds at the begin of 1970.
+fn since(format: TimeFormat) -> Option<(u64, i128)> {
+    let day = i128::from(DAY);
+    match format {
+        TimeFormat::Matlab => Some((DAY as u64, 719_529 * day)),
+        TimeFormat::Excel => Some((DAY as u64, 25_569 * day)),
+        TimeFormat::Julian => Some((DAY as u64, 4_881_175 * day / 2)),
+        TimeFormat::ModifiedJulian => Some((DAY as u64, 40_587 * day)),
+        TimeFormat::Dotnet => Some((100, 62_135_596_800 * SECOND)),
+        TimeFormat::Filetime => Some((100, 11_644_473_600 * SECOND)),
+        TimeFormat::Cocoa => Some((1_000_000_000, -978_307_200 * SECOND)),
+        TimeFormat::Labview => Some((1_000_000_000, 2_082_844_800 * SECOND)),
+        TimeFormat::Number | TimeFormat::DateTime | TimeFormat::TimeOfDay => None,
     }
 }
 
@@ -342,6 +380,18 @@ impl Short {
 
 /// Nanoseconds since 1970 of a date and a time of the day, in one text or in two.
 fn date_and_time(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> {
+    in_order(date, time, order).or_else(|| {
+        let time = std::str::from_utf8(time).ok()?;
+        let Some(date) = date.filter(|date| !date.is_empty()) else { return dates::date(time) };
+        let date = std::str::from_utf8(date).ok()?;
+        let of_digits = dates::day_of_digits(date, order).zip(time_of_day(time));
+        let named = || dates::date(&format!("{date} {time}"));
+        of_digits.map(|(day, time)| day + time).or_else(named)
+    })
+}
+
+/// The same with separators between the parts of the date, in the order that is given.
+fn in_order(date: Option<&[u8]>, time: &[u8], order: Order) -> Option<i64> {
     let (date, time) = match date.filter(|date| !date.is_empty()) {
         Some(date) => (date, time),
         None => {

@@ -6,6 +6,7 @@ use crate::bounded::{Bounded, Form};
 use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
 use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
 use crate::counter::Counter;
+use crate::number;
 use crate::stamp::TimeCell;
 use crate::suffixes::Suffixes;
 use crate::tail;
@@ -13,6 +14,7 @@ use crate::text::text;
 use crate::time::{self, TimeError};
 use crate::turned::Turned;
 use crate::unused::{Status, Tally, Unused};
+use crate::vectors::{Vectors, spread};
 use csv::{ByteRecord, Reader, ReaderBuilder};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::SensorInfo;
@@ -26,8 +28,6 @@ use std::path::{Path, PathBuf};
 const BUFFER: usize = 64 * 1024;
 /// Time from which a clock counts from a date: ten years. A stamp of zero on it is none.
 const DATED: Time = Time::from_nanos(315_576_000_000_000_000);
-/// Words that programs write for a missing number, in addition to those that Rust parses as NaN.
-const ABSENT: [&str; 4] = ["na", "n/a", "null", "none"];
 
 /// The absolute path, for messages about missing files.
 pub fn absolute(path: &Path) -> PathBuf {
@@ -64,6 +64,7 @@ pub struct Stream {
     judge: Judge,
     turned: Turned,
     suffixes: Suffixes,
+    vectors: Vectors,
     status: Status,
     /// A note on the channels without a column.
     note: Option<(Level, String)>,
@@ -120,6 +121,7 @@ impl Stream {
         let form = Form {
             joined: config.delimiter == Delimiter::Whitespace,
             decimal_comma: config.decimal == Decimal::Comma,
+            until: config.until,
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
             labels: config.labels.then(|| config.headings.clone()).flatten(),
         };
@@ -138,6 +140,8 @@ impl Stream {
             Some(headings) => headings.clone(),
             None => Self::headings(&mut reader, &mut record, path, config, info)?,
         };
+        let vectors = Vectors::new(&headings, &config.vectors);
+        let headings = spread(headings, &config.vectors);
         let time = TimeCell::find(info, config, &headings).map_err(|e| e.in_file(path))?;
         let channels = channel_cells(info, config, &headings, part).map_err(|e| e.in_file(path))?;
         let rows = chosen(config, &headings, name).map_err(|e| e.in_file(path))?;
@@ -157,6 +161,7 @@ impl Stream {
             judge: Judge::new(info),
             turned: Turned::new(config, info),
             suffixes: Suffixes::new(&config.suffixes),
+            vectors,
             status,
             note,
             disorder: config.disorder,
@@ -219,7 +224,7 @@ impl Stream {
 
     /// The time of the last complete row; `None` where the end of the file cannot be read alone.
     fn last_time(&self, config: &FileConfig) -> Option<Time> {
-        if self.reader.get_ref().is_changed() || !self.rows.is_empty() {
+        if self.reader.get_ref().is_changed() || !self.rows.is_empty() || config.until.is_some() {
             return None;
         }
         let mut record = ByteRecord::new();
@@ -228,6 +233,7 @@ impl Stream {
                 line.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
             }
             builder(config).from_reader(line.as_slice()).read_byte_record(&mut record).ok()?;
+            self.vectors.spread(&mut record);
             let complete = record.len() == self.headings.len();
             complete.then(|| self.time.of(&record).ok()).flatten()
         })
@@ -352,8 +358,8 @@ impl Stream {
     fn no_number(&self, column: usize) -> Result<(), Problem> {
         let text = std::str::from_utf8(self.record.get(column).unwrap_or_default().trim_ascii());
         let text = text.ok();
-        let absent = text.is_some_and(|t| t.parse::<f64>().is_ok())
-            || text.is_some_and(|t| ABSENT.iter().any(|a| a.eq_ignore_ascii_case(t)));
+        let absent =
+            text.is_some_and(|t| t.parse::<f64>().is_ok()) || text.is_some_and(number::is_absent);
         if absent && self.nan == Nan::Missing {
             return Ok(());
         }

@@ -56,7 +56,8 @@ pub fn nanos(text: &[u8], unit: u64) -> Result<i128, TimeError> {
     }
     match rest {
         [] => {}
-        [b'e' | b'E', exponent @ ..] => {
+        // D is the exponent of a double in Fortran
+        [b'e' | b'E' | b'd' | b'D', exponent @ ..] => {
             let exponent: i64 = std::str::from_utf8(exponent)
                 .ok()
                 .and_then(|e| e.parse().ok())
@@ -138,6 +139,7 @@ mod tests {
             // as numpy writes 0.01 by default
             ("1.000000000000000021e-02", S, 10_000_000),
             ("2.5e3", S, 2_500_000_000_000),
+            ("2.5D+03", S, 2_500_000_000_000),
             // a double near 1.65e9 s is 240 ns from the next
             ("1654321000.123456789", S, 1_654_321_000_123_456_789),
             ("1654321000123456789", 1, 1_654_321_000_123_456_789),

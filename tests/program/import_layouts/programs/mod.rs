@@ -2,6 +2,7 @@
 
 mod binary;
 mod clocks;
+mod exports;
 mod folders;
 mod labels;
 pub mod mounted;
@@ -196,5 +197,6 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&mounted::PROGRAMS)
         .chain(&binary::PROGRAMS)
         .chain(&untidy::PROGRAMS)
+        .chain(&exports::PROGRAMS)
         .chain(&strangers::PROGRAMS)
 }

@@ -67,7 +67,9 @@ impl Table<'_> {
     pub(super) fn geoid(&self) -> Option<usize> {
         let (height, _) = self.find("height")?;
         let name = vocabulary::words(self.heading(*height)).concat();
-        let ellipsoid = ["ell", "hae", "wgs"].iter().any(|word| name.contains(word));
+        // Septentrio, which alone writes radians, has heights above the ellipsoid
+        let radians = self.find("lat").is_some_and(|(_, m)| m.unit.as_deref() == Some("rad"));
+        let ellipsoid = radians || ["ell", "hae", "wgs"].iter().any(|word| name.contains(word));
         self.find("geoid").map(|(k, _)| *k).filter(|_| !ellipsoid)
     }
 
@@ -87,7 +89,15 @@ impl Table<'_> {
             [&["d", "deg", "degrees"], &["m", "min", "minutes"], &["s", "sec", "seconds"]];
         let part = |k: usize, part: &[&str]| {
             let mut words = vocabulary::words(self.layout.headings.get(k)?);
-            let last = words.pop()?;
+            let mut last = words.pop()?;
+            // as LATDD, LATMN, LATSS
+            let glued = [("dd", "d"), ("mn", "m"), ("ss", "s")];
+            if let Some((end, part)) =
+                glued.iter().find(|(end, _)| words.is_empty() && last.ends_with(end))
+            {
+                words.push(last[..last.len() - end.len()].to_owned());
+                last = (*part).to_owned();
+            }
             let of = meaning(&words.join("_")).is_some_and(|m| m.channel == channel);
             (of && part.contains(&last.as_str())).then_some(())
         };

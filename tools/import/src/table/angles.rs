@@ -2,6 +2,9 @@
 
 use super::columns::Table;
 use super::units;
+use super::vocabulary::words;
+use navfuse_core::document::quoted;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The unit of integers of latitude and longitude, for a question.
 pub const IN_E7: &str = "1e-7 deg (or semicircles)";
@@ -10,15 +13,32 @@ impl Table<'_> {
     /// Unit and factor of latitude and longitude, and `true` for degrees with minutes.
     pub(super) fn place(&self, questions: &mut Vec<String>) -> (String, f64, bool) {
         let (lat, lon) = (self.values("lat"), self.values("lon"));
+        let stated = self.find("lat").and_then(|(_, m)| m.unit.clone());
+        // minutes and seconds of an arc have no other range than degrees in other notations
+        let arc = stated.as_ref().filter(|unit| !["deg", "rad"].contains(&unit.as_str()));
+        let most = |values: &[f64]| {
+            values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()))
+        };
+        if let Some(unit) = arc
+            && most(&lat) * units::factor(unit) <= FRAC_PI_2
+            && most(&lon) * units::factor(unit) <= TAU
+        {
+            return (unit.clone(), 1.0, false);
+        }
         let (unit, mut scale, minutes) = units::angle(&lat, &lon);
+        if scale == units::E7 && self.names_part("e6") {
+            scale = 1e-6;
+        }
         if scale == units::E7 && self.in_semicircles() {
             scale = units::SEMICIRCLE;
         }
-        let stated = self.find("lat").and_then(|(_, m)| m.unit.clone());
         let text = match (unit, scale, minutes) {
             (_, _, true) => "ddmm.mmmm",
             (unit, 1.0, _) => unit,
             (_, units::E7, _) => IN_E7,
+            (_, 1e-6, _) => "1e-6 deg",
+            (_, 1e-8, _) => "1e-8 deg",
+            (_, 1e-9, _) => "1e-9 deg",
             _ => "semicircles",
         };
         let why = if text == "semicircles" {
@@ -44,11 +64,24 @@ impl Table<'_> {
         self.layout.column(k).iter().all(|v| !v.is_finite() || v.fract() == 0.0)
     }
 
-    /// -1 where the column after one of positive numbers names the south or the west.
-    pub(super) fn hemisphere(&self, k: usize) -> f64 {
-        let other =
-            |row: &Vec<String>| row.get(k + 1).is_some_and(|cell| cell == "S" || cell == "W");
-        if self.layout.rows.iter().all(other) { -1.0 } else { 1.0 }
+    /// The key for the column beside one of a latitude or longitude that names its side in each row.
+    pub(super) fn side(&self, k: usize, channel: &str) -> String {
+        let sides = if channel == "lat" { ["N", "S"] } else { ["E", "W"] };
+        let named = |k: &usize| {
+            let cells = || self.layout.rows.iter().map(|row| row.get(*k).map_or("", |c| c));
+            cells().all(|c| c.is_empty() || sides.contains(&c)) && cells().any(|c| !c.is_empty())
+        };
+        let beside = [Some(k + 1), k.checked_sub(1)].into_iter().flatten();
+        let found = beside.filter(|k| *k < self.layout.headings.len()).find(named);
+        found.map_or_else(String::new, |k| format!(", side = {}", quoted(self.heading(k))))
+    }
+
+    /// Tests whether the headings of latitude and longitude name a part of a degree.
+    fn names_part(&self, part: &str) -> bool {
+        let named = |c: &str| {
+            self.find(c).is_some_and(|(k, _)| words(self.heading(*k)).iter().any(|w| w == part))
+        };
+        named("lat") && named("lon")
     }
 }
 

@@ -33,9 +33,21 @@ const PARTS: [(&[&str], &str); 3] = [
     (&["micro", "micros", "usec", "microsec", "microsecond", "microseconds", "us"], "us"),
     (&["milli", "millis", "msec", "millisec", "millisecond", "milliseconds", "ms"], "ms"),
 ];
-/// Counts of days with the ranges of the years from 1980 to 2050, and the date of their zero.
-const DAYS: [(&str, RangeInclusive<f64>, &str); 2] =
-    [("excel", 29_221.0..=54_800.0, "1899-12-30"), ("matlab", 723_181.0..=748_800.0, "the year 0")];
+/// Counts since a date with the ranges of the years from 1990 to 2050, their unit, s, and the date of their zero.
+const SINCE: [(&str, RangeInclusive<f64>, f64, &str); 7] = [
+    ("excel", 32_874.0..=54_789.0, DAY, "1899-12-30"),
+    ("modified-julian", 54_790.0..=69_807.0, DAY, "1858-11-17"),
+    ("matlab", 726_834.0..=748_749.0, DAY, "the year 0"),
+    ("julian", 2_447_892.0..=2_469_808.0, DAY, "noon of 4713 BC"),
+    ("filetime", 1.227e17..=1.418e17, 1e-7, "1601"),
+    ("dotnet", 6.276e17..=6.468e17, 1e-7, "the year 1"),
+    ("labview", 2.713e9..=4.607e9, 1.0, "1904"),
+];
+/// The word for days that have the range of those of Excel, and their form.
+const MODIFIED: (&str, &str) = ("mjd", "modified-julian");
+/// Words for a column that counts the rows.
+const COUNTERS: [&str; 9] =
+    ["sample", "samples", "index", "counter", "count", "row", "frame", "no", "number"];
 /// Seconds of a day and of a week.
 const DAY: f64 = 86_400.0;
 const WEEK: f64 = 604_800.0;
@@ -57,11 +69,12 @@ impl Table<'_> {
     /// # Errors
     /// When there is none.
     pub(super) fn clock(&self, usual: f64) -> Result<Clock, String> {
-        if let Some(clock) = self.fields().or_else(|| self.with_nanos()) {
+        let parts = self.fields().or_else(|| self.with_nanos()).or_else(|| self.of_year());
+        if let Some(clock) = parts {
             return Ok(clock);
         }
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
-        let in_words = |k: usize| cell(k).contains(':');
+        let in_words = |k: usize| cell(k).contains(':') || navfuse_csv::date(cell(k)).is_some();
         let counts = |k: usize| self.layout.rows.len() < 3 || increases(&self.layout.column(k));
         let named = |name| self.columns.iter().filter(move |(_, m)| m.channel == name);
         let mut times: Vec<&(usize, Meaning)> = named("time").collect();
@@ -82,9 +95,21 @@ impl Table<'_> {
         let free = |k: &usize| self.columns.iter().all(|(used, _)| used != k);
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
         let columns = || (0..self.layout.width()).filter(free);
-        let dated = columns().find(|k| matches!(cell(*k).matches(':').count(), 2 | 3));
+        let dated = columns().find(|k| {
+            matches!(cell(*k).matches(':').count(), 2 | 3) || navfuse_csv::date(cell(*k)).is_some()
+        });
         let rising = || columns().find(|k| increases(&self.layout.column(*k)));
-        let Some(k) = dated.or_else(rising) else {
+        let found = dated.or_else(rising);
+        if let Some(k) = found.filter(|k| counts_rows(self.heading(*k), &self.layout.column(*k))) {
+            return Err(format!(
+                "no column of the time, and {} counts the rows: write a scenario with \
+                 `time = {{ column = {}, unit = \"10*ms\" }}` for rows at 100 Hz, or a column time_s into \
+                 the file",
+                self.heading(k),
+                quoted(self.heading(k))
+            ));
+        }
+        let Some(k) = found else {
             let list = self.listed();
             return Err(format!("no column of the time among {list}; name it time_s"));
         };
@@ -170,16 +195,24 @@ impl Table<'_> {
         fits.then_some(Clock { key: Some(key), seconds, questions: Vec::new() })
     }
 
-    /// A time in days, by its range and its interval.
-    fn days(&self, heading: &str, values: &[f64], usual: f64) -> Option<Clock> {
+    /// A time that counts since a date, by its range and its interval.
+    fn since(&self, heading: &str, values: &[f64], usual: f64) -> Option<Clock> {
         let step = units::step(values);
         let near = |step: f64| (step / usual).ln().abs();
-        let fits = INTERVALS.contains(&(step * DAY)) && near(step * DAY) < near(step);
-        let last = values.iter().rev().find(|v| v.is_finite()).filter(|_| fits)?;
-        let (format, _, zero) = DAYS.iter().find(|(_, range, _)| range.contains(last))?;
-        let question = format!("the time {heading} counts days since {zero}, by its range");
+        let last = values.iter().rev().find(|v| v.is_finite())?;
+        let fits = |unit: f64| {
+            let other = if unit == DAY { near(step) } else { f64::INFINITY };
+            INTERVALS.contains(&(step * unit)) && near(step * unit) < other
+        };
+        let found = |(_, range, unit, _): &&(&str, RangeInclusive<f64>, f64, &str)| {
+            range.contains(last) && fits(*unit)
+        };
+        let (format, _, unit, zero) = SINCE.iter().find(found)?;
+        let (word, modified) = MODIFIED;
+        let format = if words(heading).iter().any(|w| w == word) { modified } else { *format };
+        let question = format!("the time {heading} counts since {zero}, by its range ({format})");
         let key = format!("time = {{ column = {}, format = \"{format}\" }}", quoted(heading));
-        let seconds = values.iter().map(|t| (t - last) * DAY).collect();
+        let seconds = values.iter().map(|t| (t - last) * unit).collect();
         Some(Clock { key: Some(key), seconds, questions: vec![question] })
     }
 
@@ -197,7 +230,8 @@ impl Table<'_> {
         let digits = |cell: &str| cell.split('.').next().map_or(0, str::len);
         let jump = |values: &[f64]| values.windows(2).map(|v| v[1] - v[0]).fold(0.0, f64::max);
         let utc =
-            words(self.heading(k)).iter().any(|word| ["utc", "hhmmss"].contains(&word.as_str()));
+            words(self.heading(k)).iter().any(|word| ["utc", "hhmmss"].contains(&word.as_str()))
+                || self.beside_digits(k).is_some();
         let evident = utc
             || cells().any(|cell| cell.starts_with('0'))
             || (jump(values) > 40.0 && jump(&seconds) < 40.0);
@@ -205,16 +239,60 @@ impl Table<'_> {
             return None;
         }
         let heading = self.heading(k);
+        if let Some((key, question)) = self.beside_digits(k) {
+            let questions = question.into_iter().collect();
+            return Some(Clock { key: Some(key), seconds, questions });
+        }
         let question =
             format!("the time {heading} is one of the day, hhmmss: it counts from midnight");
         let key = format!("time = {{ column = {}, format = \"time-of-day\" }}", quoted(heading));
         Some(Clock { key: Some(key), seconds, questions: vec![question] })
     }
 
+    /// The key of a time of the day beside a date of digits alone, `20231114` or `141123`, and a question.
+    fn beside_digits(&self, k: usize) -> Option<(String, Option<String>)> {
+        let (date, _) = self.find("date")?;
+        let cells = || self.layout.rows.iter().filter_map(|row| row.get(*date));
+        let digits = |count: usize| {
+            cells().all(|c| c.len() == count && c.bytes().all(|b| b.is_ascii_digit()))
+        };
+        let [column, heading] = [self.heading(k), self.heading(*date)].map(quoted);
+        let key = |order: &str| format!("time = {{ column = {column}, date = {heading}{order} }}");
+        let part = |from: usize| cells().filter_map(move |c| c.get(from..from + 2)?.parse().ok());
+        let most = |from: usize| part(from).max().unwrap_or(0_u8);
+        match () {
+            () if digits(8) => Some((key(""), None)),
+            // days of NMEA 0183, unless no day is possible
+            () if digits(6) && most(0) <= 31 && most(2) <= 12 => {
+                let text = format!("the order of the dates in {} {GUESSED}", self.heading(*date));
+                Some((key(", order = \"day-month-year\""), Some(text)))
+            }
+            () if digits(6) => Some((key(""), None)),
+            () => None,
+        }
+    }
+
+    /// The year and the day of the year in columns of their own, beside seconds of the day.
+    fn of_year(&self) -> Option<Clock> {
+        let all = |names: &[&str], range: RangeInclusive<f64>| {
+            let named = |h: &String| names.contains(&words(h).concat().as_str());
+            let k = self.layout.headings.iter().position(named)?;
+            self.layout.column(k).iter().all(|v| range.contains(v)).then_some(k)
+        };
+        let year = all(&["year", "yyyy"], 1980.0..=2200.0)?;
+        let day = all(&["doy", "dayofyear", "yday", "jday", "julianday"], 1.0..=366.0)?;
+        let seconds =
+            all(&["sod", "secondsofday", "secofday", "seconds", "sec", "time"], 0.0..=DAY)?;
+        let [year, day, column] = [year, day, seconds].map(|k| quoted(self.heading(k)));
+        let key = format!("time = {{ column = {column}, of_year = [{year}, {day}] }}");
+        let seconds = self.layout.column(seconds);
+        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
+    }
+
     /// A time that is a number.
     pub(super) fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
         let (heading, values) = (self.heading(k), self.layout.column(k));
-        let clock = self.days(heading, &values, usual).or_else(|| self.packed(k, &values));
+        let clock = self.since(heading, &values, usual).or_else(|| self.packed(k, &values));
         if let Some(clock) = clock {
             return clock;
         }
@@ -232,7 +310,8 @@ impl Table<'_> {
         // rows of other sensors have no time
         let own: Vec<f64> = values.iter().copied().filter(|t| t.is_finite()).collect();
         let step = units::step(&own);
-        let ticks = heading.contains(TICKS.0) && step * units::factor(TICKS.1) < SLOW;
+        let ticks = heading.replace([' ', '_'], "").contains(TICKS.0)
+            && step * units::factor(TICKS.1) < SLOW;
         let stated = meaning.unit.clone().or_else(|| ticks.then(|| TICKS.1.to_owned()));
         let assumed =
             || Decided { unit: "s".to_owned(), why: "no row".to_owned(), evidence: Evidence::None };
@@ -267,8 +346,17 @@ impl Table<'_> {
     fn date(&self, k: usize, cell: &str) -> Clock {
         let heading = quoted(self.heading(k));
         let cells = |k: usize| self.layout.rows.iter().filter_map(move |row| row.get(k));
-        let seconds = cells(k).map(|cell| second_of_day(cell)).collect();
         let mut questions = Vec::new();
+        if navfuse_csv::date(cell).is_some() {
+            let second = |cell: &String| {
+                let nanos = navfuse_csv::date(cell).map(|nanos| nanos % (DAY * 1e9) as i64);
+                nanos.map_or(f64::NAN, |nanos| nanos as f64 * 1e-9)
+            };
+            let key = format!("time = {{ column = {heading}, format = \"date-time\" }}");
+            let seconds = cells(k).map(second).collect();
+            return Clock { key: Some(key), seconds, questions };
+        }
+        let seconds = cells(k).map(|cell| second_of_day(cell)).collect();
         let mut order = |k: usize| match order(cells(k).map(String::as_str)) {
             (order, true) => order,
             (order, false) => {
@@ -290,6 +378,12 @@ impl Table<'_> {
         };
         Clock { key: Some(key), seconds, questions }
     }
+}
+
+/// Tests whether a column counts the rows by its heading.
+pub fn counts_rows(heading: &str, values: &[f64]) -> bool {
+    let named = words(heading).iter().any(|word| COUNTERS.contains(&word.as_str()));
+    named && values.windows(2).all(|v| v[1] - v[0] == 1.0)
 }
 
 /// The seconds since midnight of a text with a time of the day; NaN for another one.

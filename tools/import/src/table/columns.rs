@@ -331,13 +331,15 @@ impl<'a> Table<'a> {
                 }
                 (Some((unit, scale, minutes)), "lat" | "lon") => {
                     let usual = usual && stated.as_deref() == Some(unit) && *scale == 1.0;
-                    let scale = scale * self.hemisphere(*k);
+                    let scale = scale * meaning.sign;
                     let (unit, minutes) = (unit.clone(), *minutes);
-                    let more = String::new();
+                    let more = self.side(*k, channel);
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
-                (None, "height") if source.iter().any(|key| key.starts_with("columns.height")) => {}
+                (None, "lat" | "lon" | "height")
+                    if source.iter().any(|key| key.starts_with(&format!("columns.{channel} "))) => {
+                }
                 (Some((_, units::E7, _)), "height") if stated.is_none() && self.is_whole(*k) => {
                     questions.push(format!(
                         "the unit of {heading}: mm, as whole numbers beside 1e-7 deg"
@@ -416,7 +418,7 @@ impl<'a> Table<'a> {
 impl Chosen<'_> {
     /// The key of a channel; `None` where the source needs none.
     pub(super) fn key(&self, channel: &str) -> Option<String> {
-        if self.usual && self.scale == 1.0 && !self.minutes {
+        if self.usual && self.scale == 1.0 && !self.minutes && self.more.is_empty() {
             return None;
         }
         let mut text = format!("columns.{channel} = {{ column = {}", quoted(self.heading));

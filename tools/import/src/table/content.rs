@@ -1,9 +1,11 @@
 //! A table without headings: its columns by their content.
 
+use super::clock::counts_rows;
 use super::columns::{ACCEL, DTHETA, DVEL, GYRO};
 use super::layout::Layout;
 use super::place;
 use super::units::{self, median};
+use super::vocabulary::meaning;
 
 /// What is asked of a table whose columns have no headings.
 pub const BY_CONTENT: &str = "named by their content";
@@ -65,10 +67,18 @@ pub fn headings(layout: &Layout) -> Option<(Vec<String>, String)> {
 fn names(layout: &Layout) -> Option<Vec<String>> {
     let width = layout.width();
     let columns: Vec<Vec<f64>> = (0..width).map(|k| layout.column(k)).collect();
-    let rising: Vec<usize> = (0..width).filter(|k| increases(&columns[*k])).collect();
+    let counter = |k: usize| layout.headings.get(k).is_some_and(|h| counts_rows(h, &columns[k]));
+    let rising = (0..width).filter(|k| increases(&columns[*k]) && !counter(*k));
+    let rising: Vec<usize> = rising.collect();
     let nanos = rising.iter().find(|k| **k > 0 && wraps(&columns, **k));
-    let time =
-        *nanos.or_else(|| rising.iter().find(|k| !counts(&columns[**k]))).or(rising.first())?;
+    let named = |k: &&usize| {
+        let heading = layout.headings.get(**k);
+        heading.and_then(|h| meaning(h)).is_some_and(|m| m.channel == "time")
+    };
+    let time = *nanos
+        .or_else(|| rising.iter().find(named))
+        .or_else(|| rising.iter().find(|k| !counts(&columns[**k])))
+        .or(rising.first())?;
     let interval = units::time(&columns[time], units::IMU_INTERVAL)?;
     let seconds = units::factor(&interval.unit);
     let step = median(columns[time].windows(2).map(|v| (v[1] - v[0]) * seconds));

@@ -21,7 +21,14 @@ impl Table<'_> {
         let (accel, increments) = self.forces(named, speeds, interval, &mut questions)?;
         let per = if increments { interval } else { 1.0 };
         let in_g = accel.as_deref().is_some_and(|unit| ["g", "mg", "g*s"].contains(&unit));
-        let gyro = self.rates(turns, (clock, per, in_g), &self.vector(speeds), &mut questions);
+        let counts = accel.as_deref().is_some_and(|unit| unit.starts_with("g/"));
+        let gyro = if counts && !self.any_stated(turns) {
+            let [rates, forces] = [turns, speeds].map(|vector| self.vector(vector));
+            let shown = units::counted_gyro(&clock.seconds, &rates, &forces);
+            Some(settle("the angular rate", None, shown, false, &mut questions))
+        } else {
+            self.rates(turns, (clock, per, in_g), &self.vector(speeds), &mut questions)
+        };
         let targets = if increments { [DTHETA, DVEL] } else { [GYRO, ACCEL] };
         let mut source = Vec::new();
         for (names, targets, unit) in [(turns, targets[0], gyro), (speeds, targets[1], accel)] {

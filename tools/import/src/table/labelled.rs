@@ -8,6 +8,8 @@ use crate::found::Found;
 const RECORDS: usize = 4000;
 /// Least number of values of an object, and of a line.
 const VALUES: [usize; 2] = [2, 3];
+/// Number of records by which repeated names are found.
+const SOME: usize = 50;
 /// Share of the records that must have them.
 const SHARE: f64 = 0.9;
 /// Largest number of kinds.
@@ -66,6 +68,14 @@ pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
     let least = VALUES[usize::from(!json)];
     let whole = records.iter().filter(|record| record.len() >= least).count();
     if records.len() < 2 || (whole as f64) < SHARE * records.len() as f64 {
+        return None;
+    }
+    // cells of a table may name their numbers, too
+    let twice = |record: &&Record| {
+        record.iter().enumerate().any(|(k, (name, _))| record[..k].iter().any(|(n, _)| n == name))
+    };
+    let first = || records.iter().take(SOME);
+    if !json && first().filter(twice).count() * 2 > first().count() {
         return None;
     }
     records.truncate(10 * RECORDS);

@@ -1,16 +1,20 @@
 //! The layout of a table: its separator, the lines before its rows, its headings and its rows.
 
+mod vectors;
+
 use super::sentinel;
-use super::vocabulary::expression;
+use super::vocabulary::{expression, meaning};
 use navfuse_core::document::quoted;
 use std::collections::HashMap;
 
 /// Largest number of lines by which the layout is found.
 const LINES: usize = 4000;
+/// Filled cells of a line of units for each word that is no unit.
+const WORDS: usize = 8;
+/// Least number of known headings in a line that lines without any may follow.
+const KNOWN: usize = 3;
 /// Longest date, or time of the day.
 const LONGEST_STAMP: usize = 18;
-/// Words for a missing number.
-const ABSENT: [&str; 5] = ["", "na", "n/a", "null", "none"];
 /// Separators and decimal commas, in the order in which they are tried.
 const FORMS: [(Option<char>, bool); 9] = [
     (Some(','), false),
@@ -34,6 +38,10 @@ pub struct Layout {
     comment: Option<char>,
     /// Lines at the beginning that are no part of the table.
     pub skip: usize,
+    /// Number of lines after which another table begins; zero where none does.
+    pub until: usize,
+    /// Columns with several numbers in each cell, by their headings, with how many they are.
+    vectors: Vec<(String, usize)>,
     /// Set if the rows name their values.
     labels: bool,
     /// Set if the source must be given the headings.
@@ -92,7 +100,14 @@ fn raw(line: &str, delimiter: Option<char>, clean: impl Fn(&str) -> String) -> V
 }
 
 fn is_number(cell: &str) -> bool {
-    cell.parse::<f64>().is_ok()
+    navfuse_csv::number(cell).is_some()
+}
+
+/// Tests whether a cell holds a latitude and a longitude, or digits and the name of a month.
+fn is_several(cell: &str) -> bool {
+    navfuse_csv::coordinates(cell, false).is_some()
+        || navfuse_csv::date(cell).is_some()
+        || navfuse_csv::vector(cell).len() > 2
 }
 
 /// Tests whether a cell looks like a date or a time of the day.
@@ -104,9 +119,10 @@ fn is_stamp(cell: &str) -> bool {
 
 /// Cells with numbers, if at least half of the cells that are neither empty nor stamps are numbers.
 fn numbers(cells: &[String]) -> Option<usize> {
-    let absent = |c: &&String| ABSENT.contains(&c.to_ascii_lowercase().as_str());
-    let numbers = cells.iter().filter(|c| is_number(c)).count();
-    let stamps = cells.iter().filter(|c| !is_number(c) && is_stamp(c)).count();
+    let absent = |c: &&String| c.is_empty() || navfuse_csv::is_absent(c);
+    let number = |c: &&String| is_number(c) || (!absent(c) && !is_stamp(c) && is_several(c));
+    let numbers = cells.iter().filter(number).count();
+    let stamps = cells.iter().filter(|c| !is_number(c) && !absent(c) && is_stamp(c)).count();
     let words = cells.len() - numbers - stamps - cells.iter().filter(absent).count();
     (cells.len() > 1 && numbers > 0 && words <= numbers).then_some(numbers)
 }
@@ -128,7 +144,11 @@ fn score(lines: &[&str], delimiter: Option<char>) -> (f64, usize) {
 fn are_units(cells: &[String]) -> bool {
     let bracketed = |cell: &str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
     let unit = |cell: &String| cell.is_empty() || bracketed(cell) || expression(cell).is_some();
-    cells.iter().all(unit) && cells.iter().any(|cell| cell.len() > 1)
+    let (units, filled) =
+        (cells.iter().filter(|c| unit(c)), cells.iter().filter(|c| !c.is_empty()));
+    let others = cells.len() - units.count();
+    // a few columns may have words in place of a unit
+    WORDS * others <= filled.count() && cells.iter().any(|cell| cell.len() > 1)
 }
 
 /// Headings of two lines: a group, which stands over its first column alone, and its members.
@@ -150,6 +170,9 @@ impl Layout {
     /// the text may be cut off.
     pub fn of(text: &str) -> Option<Self> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        // old programs end their lines with CR alone
+        let ended = (!text.contains('\n')).then(|| text.replace('\r', "\n"));
+        let text = ended.as_deref().unwrap_or(text);
         let points = text.replace(',', ".");
         let form = |comma: bool| -> Vec<&str> {
             let text = if comma { points.as_str() } else { text };
@@ -185,6 +208,7 @@ impl Layout {
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
+        layout.spread();
         let of_table = lines.iter().filter(|line| row(line).is_some());
         layout.find_units(of_table.copied()).then_some(layout)
     }
@@ -223,9 +247,24 @@ impl Layout {
             };
             separators.into_iter().map(|d| split(text, d)).find(fits)
         };
-        let mut titles = (before.iter().enumerate())
+        let titles = (before.iter().enumerate())
             .filter_map(|(k, line)| Some((k, cells(line)?)))
             .filter(|(_, cells)| cells.iter().all(|c| !is_number(c)));
+        let mut titles: Vec<(usize, Vec<String>)> = titles.collect();
+        // lines below the headings may have units, and the devices that measure
+        let known = |(_, cells): &(usize, Vec<String>)| {
+            cells.iter().filter(|c| meaning(c).is_some()).count()
+        };
+        let best = titles.iter().map(known).max().unwrap_or(0);
+        if best >= KNOWN
+            && titles.last().is_some_and(|last| known(last) == 0)
+            && let Some(k) = titles.iter().rposition(|title| known(title) == best)
+        {
+            let below: Vec<(usize, Vec<String>)> = titles.drain(k + 1..).collect();
+            let units = below.into_iter().find(|(_, cells)| are_units(cells));
+            titles.extend(units);
+        }
+        let mut titles = titles.into_iter();
         let mut last = titles.next_back();
         if let Some(above) = titles.clone().next_back()
             && let Some((_, units)) = last.clone().filter(|(_, cells)| are_units(cells))
@@ -307,8 +346,16 @@ impl Layout {
             keys.push(format!("skip = {}", self.skip));
         }
         if self.given {
-            let list: Vec<String> = self.headings.iter().map(|h| quoted(h)).collect();
+            let list: Vec<String> = self.of_file().iter().map(|h| quoted(h)).collect();
             keys.push(format!("headings = [{}]", list.join(", ")));
+        }
+        if self.until > 0 {
+            keys.push(format!("until = {}", self.until));
+        }
+        if !self.vectors.is_empty() {
+            let count = |(heading, n): &(String, usize)| format!("{} = {n}", quoted(heading));
+            let list: Vec<String> = self.vectors.iter().map(count).collect();
+            keys.push(format!("vectors = {{ {} }}", list.join(", ")));
         }
         if !self.suffixes.is_empty() {
             let list: Vec<String> = self.suffixes.iter().map(|s| quoted(s)).collect();
@@ -337,7 +384,7 @@ impl Layout {
 
     /// The numbers of a column; NaN where a cell has none.
     pub fn column(&self, index: usize) -> Vec<f64> {
-        let cell = |row: &Vec<String>| row.get(index).and_then(|c| c.parse().ok());
+        let cell = |row: &Vec<String>| row.get(index).and_then(|c| navfuse_csv::number(c));
         self.rows.iter().map(|row| cell(row).unwrap_or(f64::NAN)).collect()
     }
 

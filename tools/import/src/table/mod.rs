@@ -20,11 +20,13 @@ mod pair;
 mod place;
 mod plain;
 mod rtklib;
+mod sections;
 mod sentinel;
 mod stamps;
 mod track;
 mod units;
 mod unknown;
+mod vbox;
 mod vocabulary;
 
 use crate::found::Found;
@@ -36,7 +38,7 @@ use layout::Layout;
 use measured::measured;
 pub use oxts::oxts;
 pub use pair::{LATITUDE_FIRST, LONGITUDE_FIRST, ORDER};
-pub use units::{E7, SEMICIRCLE};
+pub use units::{E7, SEMICIRCLE, counted, factor, nearest_counts};
 
 /// The sensors of a table, by the beginning of its file and the name of the file.
 ///
@@ -49,12 +51,21 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     if let Some(found) = rtklib::solution(beginning) {
         return Ok(vec![found]);
     }
+    if let Some(found) = vbox::sensors(beginning) {
+        return found;
+    }
     if let Some(found) = labelled::sensors(beginning, name) {
         return found;
+    }
+    if let Some(found) = sections::sensors(beginning, name) {
+        return Ok(found);
     }
     let several = kinds::sensors(beginning);
     if !several.is_empty() {
         return Ok(several);
+    }
+    if let Some(why) = unknown::one_value(beginning) {
+        return Err(why);
     }
     let Some(mut layout) = Layout::of(beginning) else {
         return Err("it is no table: no line holds numbers that a comma, semicolon, tab, bar or \
@@ -93,6 +104,9 @@ pub fn of_fields(
 
 /// The inertial unit of a table whose headings mean nothing, by the content of its columns.
 fn by_content(layout: &Layout) -> Option<Vec<Found>> {
+    if layout.has_vectors() {
+        return None;
+    }
     let (headings, question) = content::headings(layout)?;
     let inertial = ["accel_x", "dvel_x"].iter().any(|name| headings.iter().any(|h| h == name));
     let layout = layout.renamed(headings);

@@ -6,7 +6,7 @@ use navfuse_core::document::quoted;
 use navfuse_csv::coordinates;
 
 /// Words for such a column, of which a text without N, S, E and W needs one.
-const NAMES: [&str; 16] = [
+pub const NAMES: [&str; 16] = [
     "position",
     "pos",
     "coordinates",
@@ -47,9 +47,19 @@ impl Table<'_> {
         let (k, order) = (0..self.layout.width()).find_map(|k| Some((k, self.pair(k)?)))?;
         let column = quoted(self.heading(k));
         let key = |channel: &str| {
+            let unit = if channel == "height" { "m" } else { "deg" };
             format!(
-                "columns.{channel} = {{ column = {column}, unit = \"deg\", notation = \"{order}\" }}"
+                "columns.{channel} = {{ column = {column}, unit = \"{unit}\", notation = \"{order}\" }}"
             )
+        };
+        let cells = self.layout.rows.iter().filter_map(|row| row.get(k)).filter(|c| !c.is_empty());
+        let high = cells
+            .filter_map(|cell| coordinates(cell, order == LONGITUDE_FIRST))
+            .all(|[.., height]| height.is_finite());
+        let channels: &[&str] = if high && !self.has(&["height"]) {
+            &["lat", "lon", "height"]
+        } else {
+            &["lat", "lon"]
         };
         let question =
             match self.layout.rows.iter().filter_map(|row| row.get(k)).all(|cell| sided(cell)) {
@@ -58,7 +68,7 @@ impl Table<'_> {
                     format!("{column} is taken for a latitude and a longitude, {order}: {ORDER}")
                 }
             };
-        Some((["lat", "lon"].map(key).to_vec(), question))
+        Some((channels.iter().map(|channel| key(channel)).collect(), question))
     }
 
     /// The order of latitude and longitude in the cells of a column; `None` for another column.
@@ -66,7 +76,8 @@ impl Table<'_> {
         let cells =
             || self.layout.rows.iter().filter_map(|row| row.get(k)).filter(|c| !c.is_empty());
         let name = words(self.heading(k));
-        let named = name.iter().any(|word| NAMES.contains(&word.as_str()));
+        let named = name.iter().any(|word| NAMES.contains(&word.as_str()))
+            || NAMES.contains(&name.concat().as_str());
         let sided = sided(cells().next()?);
         let several = |cell: &&String| cell.parse::<f64>().is_err();
         let fits = |order: bool| {
@@ -78,7 +89,7 @@ impl Table<'_> {
         }
         let longitude_first = name.concat().contains("lonlat");
         let beyond =
-            |cell: &String| coordinates(cell, true).is_some_and(|[_, lon]| lon.abs() > POLE);
+            |cell: &String| coordinates(cell, true).is_some_and(|[_, lon, _]| lon.abs() > POLE);
         match (fits(longitude_first), fits(true)) {
             (true, _) if longitude_first => Some(LONGITUDE_FIRST),
             (true, _) => Some(LATITUDE_FIRST),

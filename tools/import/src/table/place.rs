@@ -36,11 +36,20 @@ fn within(values: &[f64], most: f64) -> bool {
     values.iter().all(|v| v.abs() <= most)
 }
 
-/// Tests whether four columns with the first one are a quaternion.
-fn is_quaternion(columns: &[Vec<f64>], first: usize) -> bool {
-    let Some(four) = columns.get(first..first + 4) else { return false };
+/// Largest distance of the norm of four columns from that of a quaternion; `None` where it is none.
+fn distance(columns: &[Vec<f64>], first: usize) -> Option<f64> {
+    let four = columns.get(first..first + 4)?;
     let norm = |row: usize| four.iter().map(|c| c[row] * c[row]).sum::<f64>();
-    (0..four[0].len()).all(|row| (norm(row) - 1.0).abs() < 0.01)
+    let largest = (0..four[0].len()).map(|row| (norm(row) - 1.0).abs()).fold(0.0, f64::max);
+    (largest < 0.01).then_some(largest)
+}
+
+/// Tests whether four columns with the first one are a quaternion: of those that share columns, as beside small rates, the
+/// nearest to a norm of one.
+fn is_quaternion(columns: &[Vec<f64>], first: usize) -> bool {
+    let Some(own) = distance(columns, first) else { return false };
+    let others = (first.saturating_sub(3)..first + 4).filter(|k| *k != first);
+    others.filter_map(|k| distance(columns, k)).all(|other| own <= other)
 }
 
 /// Tests whether a column is one of four that are a quaternion.

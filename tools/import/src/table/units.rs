@@ -26,6 +26,14 @@ const NOISE: f64 = 8e-3;
 const BLOCK: f64 = 0.25;
 /// Correlation from which the turn of gravity decides.
 const CORRELATED: f64 = 0.6;
+/// Counts of one g in the ranges of usual accelerometers, and the largest factor between them and a norm that is gravity.
+const COUNTS: [u32; 7] = [16_384, 8_192, 4_096, 2_048, 512, 256, 32_768];
+const NEAR_COUNTS: f64 = 1.1;
+/// Counts of one deg/s in the ranges of usual gyros, of InvenSense and Bosch, and of ST; one for rates in deg/s.
+pub const RATE_COUNTS: [f64; 10] =
+    [1.0, 131.0, 65.5, 32.8, 16.4, 262.4, 114.286, 57.143, 28.571, 14.286];
+/// The largest rate of usual gyros, deg/s: larger numbers are counts.
+const FASTEST: f64 = 2_000.0;
 /// Usual intervals of an IMU and of an aiding sensor, s.
 pub const IMU_INTERVAL: f64 = 0.01;
 pub const AID_INTERVAL: f64 = 0.3;
@@ -33,6 +41,11 @@ pub const AID_INTERVAL: f64 = 0.3;
 const UNIX: RangeInclusive<f64> = 9.4e8..=2.6e9;
 /// Units of a time with their factors.
 const TIMES: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+
+/// Units of a time whose steps are shorter than any of an IMU in seconds, and the part of a usual step that is
+/// too short.
+const SLOW_TIMES: [(&str, f64); 2] = [("min", 60.0), ("h", 3600.0)];
+const SHORTEST: f64 = 2e-3;
 
 /// A unit and the reason for it.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,9 +137,19 @@ pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), Stri
         ("g*s", interval, true),
         ("mg", 1000.0, false),
         ("cm/s^2", 100.0 * GRAVITY, false),
+        ("ft/s^2", GRAVITY / 0.3048, false),
+        ("ug", 1e6, false),
     ];
     let found = candidates.iter().find(|(_, gravity, _)| NEAR.contains(&(middle / gravity)));
+    let whole = forces.iter().flatten().all(|f| !f.is_finite() || f.fract() == 0.0);
+    let counts = |count: &&u32| {
+        whole && (1.0 / NEAR_COUNTS..NEAR_COUNTS).contains(&(middle / f64::from(**count)))
+    };
     let scatter = median(forces.iter().map(|f| (norm(*f) - middle).abs())) / middle;
+    if let Some(count) = COUNTS.iter().find(counts).filter(|_| scatter < LOOSE && found.is_none()) {
+        let why = format!("whole numbers with a median norm of {middle:.0} are counts");
+        return Ok((decided(&format!("g/{count}"), why, Evidence::Weak), false));
+    }
     let Some((unit, _, increments)) = found.filter(|_| scatter < LOOSE) else {
         let cause = match middle {
             m if m < 0.3 * GRAVITY => "is gravity removed from them? The filter needs it",
@@ -178,6 +201,34 @@ fn by_gravity(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> Option<
     }
     let correlation = xy.abs() / (xx * yy).sqrt();
     (blocks.len() > 20 && correlation > CORRELATED).then(|| (yy / xx).sqrt())
+}
+
+/// The unit of rates with these counts of one deg/s.
+pub fn counted(per_degree: f64) -> String {
+    match per_degree {
+        1.0 => "deg/s".to_owned(),
+        whole if whole.fract() == 0.0 => format!("deg/({whole}*s)"),
+        other => format!("1000*deg/({:.0}*s)", 1e3 * other),
+    }
+}
+
+/// The counts of one deg/s that are nearest to a number of them.
+pub fn nearest_counts(per_degree: f64) -> f64 {
+    let distance = |count: &f64| (per_degree / count).ln().abs();
+    let nearest = RATE_COUNTS.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.copied().unwrap_or(1.0)
+}
+
+/// The unit of angular rates beside specific forces that are counts: by the turn of gravity, else a guess.
+pub fn counted_gyro(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> Decided {
+    let largest = rates.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    if let Some(factor) = by_gravity(times, rates, forces) {
+        let why = "gravity turns at this rate in the axes of the IMU";
+        let unit = counted(nearest_counts(DEGREE / factor));
+        return decided(&unit, why.to_owned(), Evidence::Strong);
+    }
+    let unit = counted(if largest > FASTEST { 131.0 } else { 1.0 });
+    decided(&unit, format!("rates up to {largest:.0} beside counts"), Evidence::None)
 }
 
 /// The unit of angular rates, with the specific forces in any unit; `in_g` if it is g.
@@ -240,6 +291,12 @@ pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
     }
     let distance = |factor: f64| (step * factor / usual).ln().abs();
     let (unit, factor) = TIMES.iter().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+    // a count in hours has steps that no IMU has in seconds
+    let slow = SLOW_TIMES.iter().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+    let (unit, factor) = match slow {
+        Some((unit, factor)) if step < SHORTEST * usual => (unit, factor),
+        _ => (unit, factor),
+    };
     let rate = 1.0 / (step * factor);
     let why = format!("the interval {step:.6} gives {rate:.4} Hz");
     let mut others: Vec<f64> = TIMES.iter().map(|t| distance(t.1)).collect();
@@ -285,6 +342,8 @@ pub fn speed(velocities: &[[f64; 3]]) -> &'static str {
     }
 }
 
+/// Parts of a degree that programs count, from the largest.
+const PARTS: [f64; 3] = [E7, 1e-8, 1e-9];
 /// Degrees of the integers of latitudes and longitudes: 1e-7, and semicircles, 2^31 of which are 180.
 pub const E7: f64 = 1e-7;
 pub const SEMICIRCLE: f64 = 180.0 / 2_147_483_648.0;
@@ -296,8 +355,12 @@ pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool)
     };
     let (lat, lon) = (largest(latitudes), largest(longitudes));
     let minutes = |values: &[f64]| values.iter().all(|v| !v.is_finite() || v.abs() % 100.0 < 60.0);
-    if lat * E7 > 90.0 || lon * E7 > 180.0 {
+    let within = |part: f64| lat * part <= 90.0 && lon * part <= 180.5;
+    if !within(E7) && within(SEMICIRCLE) {
         ("deg", SEMICIRCLE, false)
+    } else if !within(E7) {
+        let part = PARTS.into_iter().find(|part| within(*part));
+        ("deg", part.unwrap_or(SEMICIRCLE), false)
     } else if lat > 9_100.0 || lon > 18_100.0 {
         ("deg", E7, false)
     } else if (lat > 91.0 || lon > 361.0) && minutes(latitudes) && minutes(longitudes) {

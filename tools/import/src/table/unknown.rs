@@ -1,7 +1,32 @@
 //! The reason why a table has no sensor, with a remedy.
 
 use super::columns::Table;
-use super::vocabulary;
+use super::vocabulary::{self, meaning, words};
+
+/// Words for a column that names what a row has, and for that of its value.
+const NAMES: [&str; 8] =
+    ["field", "signal", "variable", "channel", "name", "key", "parameter", "metric"];
+const VALUES: [&str; 2] = ["value", "reading"];
+
+/// The reason why a table is refused whose rows have one value each; `None` for other tables.
+pub fn one_value(text: &str) -> Option<String> {
+    let titles = |line: &str| -> Option<String> {
+        let cells: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
+        let named = |names: &[&str]| {
+            cells.iter().find(|cell| names.contains(&words(cell).concat().as_str())).copied()
+        };
+        let (name, value) = (named(&NAMES)?, named(&VALUES)?);
+        let known = cells.iter().filter_map(|cell| meaning(cell));
+        let measured = known.filter(|m| !["time", "date", "week"].contains(&m.channel)).count();
+        (measured == 0).then(|| {
+            format!(
+                "each row has one {value}, which its cell {name} names: write a table whose rows have all values of \
+                 a time, with `pivot` of pandas or of Flux"
+            )
+        })
+    };
+    text.lines().take(20).find_map(titles)
+}
 
 impl Table<'_> {
     /// The reason why no sensor is recognised.

@@ -50,14 +50,20 @@ pub fn expression(text: &str) -> Option<String> {
         "g" | "gee" => Some("g"),
         "mg" => Some("mg"),
         "mdps" => Some("deg/(1000*s)"),
-        "dps" | "°/s" | "deg/sec" | "degrees/s" | "degree/s" | "deg s^-1" | "deg.s^-1"
-        | "deg s-1" => Some("deg/s"),
+        "degph" | "dph" | "deg_h" | "deg/hr" => Some("deg/h"),
+        "g force" | "gs" => Some("g"),
+        "m/(s^2)" => Some("m/s^2"),
+        "arc-min" | "arcminutes" | "minutes of arc" => Some("arcmin"),
+        "arc-sec" | "arcseconds" | "as" => Some("arcsec"),
+        "degrees/sec" | "degree/sec" | "°/sec" | "dps" | "°/s" | "deg/sec" | "degrees/s"
+        | "degree/s" | "deg s^-1" | "deg.s^-1" | "deg s-1" => Some("deg/s"),
         "rps" | "rad/sec" | "rad_per_sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => {
             Some("rad/s")
         }
         "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
-        | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
-        "m s^-1" | "m.s^-1" | "m/sec" | "m s-1" | "mps" => Some("m/s"),
+        | "meters/sec2" | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
+        "meters/sec" | "meter/sec" | "metres/sec" | "m s^-1" | "m.s^-1" | "m/sec" | "m s-1"
+        | "mps" => Some("m/s"),
         "kph" | "kmh" => Some("km/h"),
         "knots" | "kts" | "kt" => Some("kn"),
         "degree" | "degrees" | "°" => Some("deg"),
@@ -107,6 +113,13 @@ pub fn si(channel: &str) -> &'static str {
 const OWN: usize = 50;
 /// Words for increments of the attitude as a quaternion.
 const QUATERNIONS: [&str; 2] = ["dq", "oriinc"];
+/// Directions, which are velocities where their unit is one of a speed.
+const DIRECTIONS: [(&str, &str, f64); 4] = [
+    ("north", "vel_n", 1.0),
+    ("east", "vel_e", 1.0),
+    ("down", "vel_d", 1.0),
+    ("up", "vel_d", -1.0),
+];
 /// Increments, and the rates that they are where their unit is one of a rate.
 const RATES: [(&str, &str); 6] = [
     ("dtheta_x", "gyro_x"),
@@ -172,6 +185,12 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
                 ends.filter_map(|word| cut(word.len())).find_map(|(axis, stem)| vector(stem, axis))
             })
     };
+    // a direction with a speed
+    let direction = || {
+        let (_, channel, sign) = DIRECTIONS.iter().find(|(word, ..)| *word == joined)?;
+        let unit = expression(unit?)?;
+        (unit.contains('/') && fitting(&unit, "m/s").is_some()).then_some((*channel, *sign, 0))
+    };
     // a velocity among words of a log, as `bt.vx`
     let of_log = || {
         let kept: Vec<&str> = kept.iter().copied().filter(|w| !LOG.contains(w)).collect();
@@ -179,7 +198,7 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
         let found = || split(&kept.concat()).filter(|(name, ..)| name.starts_with("vel_"));
         fewer.then(found).flatten()
     };
-    let plainly = number(&whole).or_else(|| number(&joined));
+    let plainly = number(&whole).or_else(|| number(&joined)).or_else(direction);
     plainly.or_else(|| split(&whole)).or_else(|| split(&joined)).or_else(of_log)
 }
 
@@ -198,17 +217,53 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
         Some((name, unit)) => (name, Some(unit)),
         None => (heading.to_owned(), None),
     };
+    let (stated, negative) = stated.map_or((None, false), |unit| {
+        let (unit, negative) = without_side(&unit);
+        (Some(unit), negative)
+    });
     let mut words = words(&name);
     words.dedup();
     let mut behind = (1..words.len()).take_while(|k| !OTHERS.contains(&words[k - 1].as_str()));
-    read(&words, stated.as_deref()).or_else(|| {
+    let meaning = read(&words, stated.as_deref()).or_else(|| {
         behind.find_map(|k| {
             let long = words[k..].concat().len() > 2;
             let meaning = read(&words[k..], stated.as_deref()).filter(|_| long)?;
             let follows = FOLLOWING.contains(&meaning.channel);
             follows.then_some(Meaning { rank: meaning.rank + BEHIND * k, ..meaning })
         })
+    });
+    meaning.map(|meaning| {
+        let angle = ["lat", "lon"].contains(&meaning.channel);
+        let sign = if negative && angle { -meaning.sign } else { meaning.sign };
+        Meaning { sign, ..meaning }
     })
+}
+
+/// The unit of a latitude or longitude without the side that is positive, `°W`, and `true` for the south and the west.
+fn without_side(unit: &str) -> (String, bool) {
+    const SIDES: [(&str, bool); 8] = [
+        ("north", false),
+        ("south", true),
+        ("east", false),
+        ("west", true),
+        ("n", false),
+        ("s", true),
+        ("e", false),
+        ("w", true),
+    ];
+    let unit = unit.trim();
+    let found = SIDES.iter().find_map(|(side, negative)| {
+        let cut = unit.len().checked_sub(side.len()).filter(|cut| unit.is_char_boundary(*cut))?;
+        let (rest, end) = unit.split_at(cut);
+        // a letter alone is a capital, and no plural
+        let letter = side.len() == 1 && end == side.to_uppercase() && !rest.is_empty();
+        let word = side.len() > 1 && end.eq_ignore_ascii_case(side);
+        let plural = letter && rest.ends_with(|c: char| c.is_ascii_uppercase());
+        let rest = rest.trim().to_lowercase();
+        let degrees = rest.is_empty() || ["°", "deg", "degree", "degrees"].contains(&rest.as_str());
+        (degrees && (word || letter) && !plural).then_some(*negative)
+    });
+    found.map_or_else(|| (unit.to_owned(), false), |negative| ("deg".to_owned(), negative))
 }
 
 /// The axis that a heading names alone, its sign, and the unit in its brackets.

@@ -17,6 +17,7 @@ impl Stream {
             self.record = self.record.iter().map(plain).collect();
         }
         self.suffixes.remove(&mut self.record);
+        self.vectors.spread(&mut self.record);
         Ok(more)
     }
 

@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 43] = [
+pub const NOISE: [&str; 44] = [
     "field",
     "msg",
     "header",
@@ -46,6 +46,7 @@ pub const NOISE: [&str; 43] = [
     // degrees of 1e-7, which the range of the numbers shows
     "e7",
     "1e7",
+    "e6",
 ];
 
 /// Words that say that a velocity is of a velocity log.
@@ -107,11 +108,16 @@ pub const BEHIND: usize = 100;
 
 /// Words for a number: its channel, its SI unit, and the sign.
 pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
-    ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
-    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
-    ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
-    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees"]),
-    ("lon", "rad", 1.0, &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda"]),
+    ("gyro_x", "rad/s", 1.0, &["rollrate", "p", "rollvelocity"]),
+    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q", "pitchvelocity"]),
+    ("gyro_z", "rad/s", 1.0, &["yawrate", "r", "yawvelocity"]),
+    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd"]),
+    (
+        "lon",
+        "rad",
+        1.0,
+        &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda", "londd"],
+    ),
     (
         "height",
         "m",
@@ -346,9 +352,29 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
             "offsettime",
             "relativetime",
             "elapsedrealtimenanos",
+            "ticks",
+            "filetime",
+            "jd",
+            "mjd",
+            "juliandate",
             "utctimemillis",
         ],
     ),
-    ("date", "", 1.0, &["date", "utcdate", "gpsdate", "dateutc", "localdate", "rtcdate"]),
+    (
+        "date",
+        "",
+        1.0,
+        &[
+            "date",
+            "utcdate",
+            "gpsdate",
+            "dateutc",
+            "localdate",
+            "rtcdate",
+            "yyyymmdd",
+            "yearmmdd",
+            "ddmmyy",
+        ],
+    ),
     ("week", "", 1.0, &["week", "gpsweek", "gwk", "wn", "wnc", "weeknumber", "gpsweeknumber"]),
 ];

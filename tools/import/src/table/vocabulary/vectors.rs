@@ -16,6 +16,8 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
             "angrate",
             "rotationrate",
             "gyrorotation",
+            "gyroadc",
+            "rateofrotation",
             "gyrorotationrate",
             "turnrate",
             "anglerate",
@@ -50,6 +52,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
             "alpha",
             "gf",
             "gforce",
+            "accsmooth",
             // load factors of an aircraft
             "n",
             "loadfactor",
@@ -68,7 +71,19 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
     (
         ["lat", "lon", "height"],
         "",
-        &["lla", "llh", "latlonalt", "latlonheight", "positionlla", "positionllh", "geodetic"],
+        &[
+            "gpscoord",
+            "latlng",
+            "latlon",
+            "latlong",
+            "lla",
+            "llh",
+            "latlonalt",
+            "latlonheight",
+            "positionlla",
+            "positionllh",
+            "geodetic",
+        ],
     ),
     // as GeoJSON orders them
     (["lon", "lat", "height"], "", &["coordinates", "geometrycoordinates"]),

@@ -1,0 +1,207 @@
+//! JSON with an array for each column, as pandas, Strava and many scripts write it: `{"time": [0, 1], "gx": [0.1, 0.2]}`,
+//! `{"columns": ["time", "gx"], "data": [[0, 0.1], [1, 0.2]]}`, `{"time": {"data": [0, 1]}}` and
+//! `[{"type": "time", "data": [0, 1]}]`.
+
+use crate::object::object;
+use std::collections::BTreeMap;
+use std::io::{Error, ErrorKind, Read, Result};
+
+/// Least number of elements of the first array, at the beginning of a file.
+const LEAST: usize = 24;
+/// Largest size of such a file in bytes: it is read as a whole.
+const LARGEST: u64 = 1 << 30;
+/// Keys whose array in an element of a list is a column, and those that name it.
+const VALUES: [&str; 3] = ["data", "values", "value"];
+const NAMES: [&str; 3] = ["type", "name", "key"];
+
+/// The columns of a file.
+#[derive(Default)]
+pub struct Columns {
+    columns: Vec<(String, Vec<String>)>,
+    rows: usize,
+    at: usize,
+}
+
+/// Tests whether a text begins with one object or list of arrays: the first array of numbers, or of arrays of numbers, has
+/// many elements, and the object has not ended before it.
+pub fn begins(text: &str) -> bool {
+    let text = text.trim_start();
+    let (mut depth, mut quoted, mut escaped, mut elements) = (0_usize, false, false, 0_usize);
+    let mut opened = Vec::new();
+    let mut key = String::new();
+    for c in text.chars() {
+        if quoted {
+            quoted = c != '"' || escaped;
+            escaped = c == '\\' && !escaped;
+            if quoted {
+                key.push(c);
+            }
+            continue;
+        }
+        match c {
+            '"' => {
+                quoted = true;
+                key.clear();
+                elements = 0;
+            }
+            '{' | '[' => {
+                depth += 1;
+                opened.push(c);
+                elements = if c == '{' { 0 } else { elements };
+            }
+            '}' | ']' => {
+                depth = depth.saturating_sub(1);
+                opened.pop();
+                if depth == 0 {
+                    return false;
+                }
+            }
+            ',' if opened.last() == Some(&'[') => elements += 1,
+            _ => {}
+        }
+        let listed = opened.first() == Some(&'[');
+        let named = !listed || VALUES.contains(&key.as_str());
+        let shallow = depth <= 4 && opened.iter().filter(|c| **c == '{').count() <= 2;
+        if elements >= LEAST && named && shallow && opened.contains(&'{') {
+            return true;
+        }
+    }
+    false
+}
+
+impl Columns {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it cannot be read or is too large.
+    pub fn read(file: &mut impl Read) -> Result<Self> {
+        let mut text = String::new();
+        file.take(LARGEST + 1).read_to_string(&mut text)?;
+        if text.len() as u64 > LARGEST {
+            let text = format!("JSON with an array for each column has more than {LARGEST} bytes");
+            return Err(Error::new(ErrorKind::InvalidData, text));
+        }
+        Ok(Self::of(&text))
+    }
+
+    fn of(text: &str) -> Self {
+        let listed = text.trim_start().starts_with('[');
+        let mut columns: BTreeMap<String, (usize, Vec<String>)> = BTreeMap::new();
+        let mut names: BTreeMap<String, String> = BTreeMap::new();
+        let mut order = 0;
+        object(text.trim(), |path, value| {
+            let parts: Vec<&str> = path.split('.').collect();
+            // the place in a list comes first
+            let first = usize::from(listed);
+            let number = |part: &&str| part.bytes().all(|b| b.is_ascii_digit());
+            let Some(k) = (first..parts.len()).find(|k| number(&parts[*k])) else {
+                if parts.last().is_some_and(|last| NAMES.contains(last)) && listed {
+                    names.insert(parts[0].to_owned(), value.to_owned());
+                }
+                return;
+            };
+            let Ok(row) = parts[k].parse::<usize>() else { return };
+            let mut name: Vec<&str> = parts[..k].to_vec();
+            if name.len() > 1 && name.last().is_some_and(|last| VALUES.contains(last)) {
+                name.pop();
+            }
+            name.extend(&parts[k + 1..]);
+            let column = columns.entry(name.join(".")).or_insert_with(|| {
+                order += 1;
+                (order, Vec::new())
+            });
+            // elements come in their order
+            if row == column.1.len() {
+                column.1.push(value.to_owned());
+            } else if row > column.1.len() && row - column.1.len() < 1 << 20 {
+                column.1.resize(row, String::new());
+                column.1.push(value.to_owned());
+            }
+        });
+        let headings = columns.remove("columns").map(|(_, names)| names);
+        let rows = columns.values().map(|(_, cells)| cells.len()).max().unwrap_or(0);
+        let name = |path: &str| {
+            let (first, rest) = path.split_once('.').map_or((path, ""), |(a, b)| (a, b));
+            let of_list = || names.get(first).map(|name| (name.clone(), rest));
+            let of_split = || {
+                let (k, after) = rest.split_once('.').map_or((rest, ""), |(a, b)| (a, b));
+                let heading = headings.as_ref().filter(|_| first == "data")?;
+                Some((heading.get(k.parse::<usize>().ok()?)?.clone(), after))
+            };
+            match of_list().filter(|_| listed).or_else(of_split) {
+                Some((name, "")) => name,
+                Some((name, rest)) => format!("{name}.{rest}"),
+                None => path.to_owned(),
+            }
+        };
+        let long = columns.iter().filter(|(_, (_, cells))| 2 * cells.len() > rows);
+        let mut long: Vec<_> = long.collect();
+        long.sort_by_key(|(_, (order, _))| *order);
+        let columns = long.into_iter().map(|(path, (_, cells))| (name(path), cells.clone()));
+        Self { columns: columns.collect(), rows, at: 0 }
+    }
+
+    /// Goes on to the next row; `false` at the end.
+    pub fn advance(&mut self) -> bool {
+        self.at += 1;
+        self.at <= self.rows
+    }
+
+    /// Calls `found` with the name and the text of each value of the row.
+    pub fn values(&self, mut found: impl FnMut(&str, &str)) {
+        for (name, cells) in &self.columns {
+            if let Some(cell) = self.at.checked_sub(1).and_then(|k| cells.get(k)) {
+                found(name, cell);
+            }
+        }
+    }
+
+    /// The first rows as objects of JSON, in at most so many bytes.
+    pub fn beginning(mut self, most: usize) -> String {
+        let mut text = String::new();
+        while text.len() < most && self.advance() {
+            let mut cells = Vec::new();
+            self.values(|name, cell| cells.push(format!("\"{name}\": \"{cell}\"")));
+            text += &format!("{{{}}}\n", cells.join(", "));
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_array_for_each_column_is_rows() {
+        let split =
+            "{\"columns\": [\"t\", \"gx\"], \"index\": [0, 1], \"data\": [[0.5, 1], [1.5, 2]]}";
+        for (text, rows) in [
+            ("{\"t\": [0.5, 1.5], \"n\": 2, \"g\": [1, null]}", "t=0.5 g=1 t=1.5 g= "),
+            (split, "index=0 t=0.5 gx=1 index=1 t=1.5 gx=2 "),
+            ("{\"t\": {\"0\": 0.5, \"1\": 1.5}}", "t=0.5 t=1.5 "),
+            ("{\"t\": {\"data\": [0.5, 1.5]}}", "t=0.5 t=1.5 "),
+            (
+                "[{\"type\": \"p\", \"data\": [[1, 2], [3, 4]]}, {\"type\": \"t\", \"data\": [5, 6]}]",
+                "p.0=1 p.1=2 t=5 p.0=3 p.1=4 t=6 ",
+            ),
+        ] {
+            let (mut columns, mut found) = (Columns::of(text), String::new());
+            while columns.advance() {
+                columns.values(|name, cell| found += &format!("{name}={cell} "));
+            }
+            assert_eq!(found, rows, "{text}");
+        }
+    }
+
+    #[test]
+    fn long_arrays_of_one_object_are_columns_and_those_of_records_are_not() {
+        let list = |n: usize| (0..n).map(|k| k.to_string()).collect::<Vec<_>>().join(", ");
+        assert!(begins(&format!("{{\"t\": [{}", list(100))));
+        assert!(begins(&format!("{{\"a\": 1, \"t\": {{\"data\": [{}", list(100))));
+        assert!(begins(&format!("[{{\"type\": \"t\", \"data\": [{}", list(100))));
+        let record = format!("{{\"t\": 1, \"cov\": [{}]}}", list(9));
+        assert!(!begins(&format!("{record}\n{record}\n")));
+        assert!(!begins(&format!("[{{\"t\": 1, \"ranges\": [{}]}},", list(100))));
+    }
+}
