@@ -39,8 +39,10 @@ fn within(values: &[f64], most: f64) -> bool {
 /// Largest distance of the norm of four columns from that of a quaternion; `None` where it is none.
 fn distance(columns: &[Vec<f64>], first: usize) -> Option<f64> {
     let four = columns.get(first..first + 4)?;
+    // a column of words has no number
+    let worst = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
     let norm = |row: usize| four.iter().map(|c| c[row] * c[row]).sum::<f64>();
-    let largest = (0..four[0].len()).map(|row| (norm(row) - 1.0).abs()).fold(0.0, f64::max);
+    let largest = (0..four[0].len()).map(|row| (norm(row) - 1.0).abs()).fold(0.0, worst);
     (largest < 0.01).then_some(largest)
 }
 
