@@ -103,6 +103,8 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     recording.write("axes.csv", &format!("time,x,y,z\n{rows}"));
     recording.write("beams.csv", "time,beam1,beam2\n0,1,2\n1,1,2\n");
     recording.write("earth.csv", "time,vel_n_mps,vel_e_mps,vel_d_mps\n0,1,2,0\n1,1,2,0\n");
+    let rows: String = (1..=20).map(|k| format!("{k}.0,nan,nan,nan\n")).collect();
+    recording.write("without-fix.csv", &format!("time_s,lat_deg,lon_deg,height_m\n{rows}"));
     for (files, words) in [
         (vec![path("numbers.csv")], "not headings"),
         (vec![path("unknown.csv")], "no sensor is recognised by its columns time_s, temperature_c"),
@@ -113,6 +115,10 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
         (vec![path("beams.csv")], "along the beams of a velocity log"),
         (vec![path("imu.csv"), path("earth.csv")], "no table has the positions of their receiver"),
         (vec![path("dvl.csv")], "no file has an IMU"),
+        (
+            vec![path("imu.csv"), path("without-fix.csv")],
+            "has no valid sample of gnss, and no other",
+        ),
         (vec![path("imu.csv"), path("imu.csv")], "it has the sensor imu"),
         (vec![path("nothing.csv")], "nothing.csv"),
         (vec![path("imu.csv"), "--position".into(), "95,0,0".into()], "--position"),

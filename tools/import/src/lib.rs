@@ -157,6 +157,7 @@ pub fn import(
         }
         streams = Some(surveyed);
     };
+    recording.keeps_an_aid(files)?;
     recording.share_time(&streams)?;
     recording.swims_along_its_axes()?;
     recording.doubt_forward(&streams);

@@ -72,6 +72,8 @@ pub struct Part {
 pub struct Recording {
     pub parts: Vec<Part>,
     pub notes: Vec<String>,
+    /// Sensors without a valid sample, each with its file.
+    pub empty: Vec<(&'static str, PathBuf)>,
     /// Zero of the run's clock for pings with dates, where the other files count from elsewhere.
     pub origin: Option<i64>,
     /// Use of an odometry, as answered.

@@ -8,7 +8,7 @@ use crate::stream::StreamSurvey;
 use crate::table::GUESSED;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Noise of rates, deg/h/sqrt(Hz), beyond any instrument: 1 deg/s/sqrt(Hz), ten times that of a phone on
 /// a rough road.
@@ -160,8 +160,31 @@ impl Recording {
         let note = |part: &Part| {
             format!("{}: {} has no valid sample for it: left out", part.name, part.file.display())
         };
-        self.notes.extend(empty.iter().filter(|p| p.name != "attitude").map(note));
+        let sensors = || empty.iter().filter(|p| p.name != "attitude");
+        self.notes.extend(sensors().map(note));
+        self.empty.extend(sensors().map(|part| (part.name, part.file.clone())));
         !empty.is_empty()
+    }
+
+    /// Rejects files of which the one that aids the IMU has no valid sample: the sigma of the IMU alone would hide it.
+    pub fn keeps_an_aid(&self, files: &[PathBuf]) -> Result<(), StreamError> {
+        let aids = |part: &Part| !DRIVING.contains(&part.name) && part.name != "reference";
+        let named = |file: &Path| {
+            let same =
+                |given: &PathBuf| std::fs::canonicalize(given).is_ok_and(|given| given == file);
+            files.iter().any(same)
+        };
+        let empty = self.empty.iter().find(|(_, file)| named(file));
+        let Some((name, file)) = empty.filter(|_| !self.parts.iter().any(aids)) else {
+            return Ok(());
+        };
+        let text = format!(
+            "{} has no valid sample of {name}, and no other file aids the IMU",
+            file.display()
+        );
+        Err(StreamError::format(text).with_remedy(
+            "look at its values: zeros, NaN and rows without a fix are no samples; or leave the file out",
+        ))
     }
 
     /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.

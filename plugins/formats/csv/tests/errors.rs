@@ -240,7 +240,7 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         (
             "columns.vel_x = { colunm = \"vx\" }",
             "columns.vel_x.colunm: unknown key \"colunm\"; did you mean \"column\"? (allowed: \
-             column, unit, course, zone, north, up, origin, atmosphere, density, plus, \
+             column, unit, course, zone, north, up, origin, atmosphere, density, plus, side, \
              scale, notation)",
         ),
         (

@@ -140,7 +140,7 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
 
 /// The places of views in the window of 1600x1000, as shares of its width and height: the view that
 /// follows the vehicle, and the strips of health without their names at the left.
-const FOLLOWS: [f64; 4] = [0.25, 0.1, 0.465, 0.62];
+const FOLLOWS: [f64; 4] = [0.25, 0.1, 0.465, 0.6];
 const STRIPS: [f64; 4] = [0.03, 0.66, 0.44, 0.96];
 
 fn part(window: &image::RgbImage, [left, top, right, bottom]: [f64; 4]) -> image::RgbImage {

@@ -27,8 +27,11 @@ const LAGS: usize = 2 * LARGEST as usize + 1;
 /// Length of a span between two velocities, s.
 const SPAN: f64 = 2.0;
 /// Time between two sums of the IMU that are kept, and the longest gap between its samples, s.
-const STEP: f64 = 0.25;
+const STEP: f64 = 0.5;
 const GAP: f64 = 0.5;
+/// Number of sums and of spans that are kept at most.
+const PAST: usize = (2.0 * (LARGEST as f64 + SPAN) / STEP) as usize + 4;
+const SPANS: usize = (LARGEST as f64 / SPAN) as usize + 4;
 /// Number of spans before a decision.
 const COUNT: f64 = 6.0;
 /// Ratio of the residuals that is evidence, and the least change that the offset has to explain, (m/s^2)^2.
@@ -131,13 +134,13 @@ impl Squares {
 #[derive(Clone, Default)]
 pub(super) struct Clock {
     sensor: Option<String>,
-    /// Time of the first sample of the IMU, from which all times count.
+    /// Time of the first sample of the IMU after it, from which all times count.
     start: Option<Time>,
     last: Sums,
     /// Sums of two minutes.
     past: VecDeque<Sums>,
     /// Velocity at the begin of the present span, with its time.
-    begin: Option<(f64, [f64; 2])>,
+    velocity: Option<(f64, [f64; 2])>,
     /// A span that ends after the last sums, and spans whose later samples of the IMU are not known yet.
     fresh: Option<Span>,
     waiting: VecDeque<Span>,
@@ -146,7 +149,7 @@ pub(super) struct Clock {
     reported: bool,
 }
 
-saved!(Clock { sensor, start, last, past, begin, fresh, waiting, lags, due, reported });
+saved!(Clock { sensor, start, last, past, velocity, fresh, waiting, lags, due, reported });
 
 impl Clock {
     /// Ends the comparison: the samples show another fault.
@@ -159,23 +162,23 @@ impl Clock {
         if measured.own_axes && self.sensor.as_deref() == Some(measured.sensor) {
             self.end(); // its axes were those of the Earth by chance
         }
-        if self.reported || measured.own_axes || self.past.is_empty() {
+        if self.reported || measured.own_axes {
             return;
         }
-        let sensor = self.sensor.get_or_insert_with(|| measured.sensor.to_owned());
-        if sensor != measured.sensor {
+        let Some(sensor) = &self.sensor else { return self.begin(measured.sensor) };
+        if sensor != measured.sensor || self.past.is_empty() {
             return;
         }
         let (now, [north, east, _]) = (self.last.time, measured.velocity);
-        let Some((begin, [n, e])) = self.begin.filter(|(begin, _)| now - begin <= 2.0 * SPAN)
+        let Some((begin, [n, e])) = self.velocity.filter(|(begin, _)| now - begin <= 2.0 * SPAN)
         else {
-            self.begin = Some((now, [north, east]));
+            self.velocity = Some((now, [north, east]));
             return;
         };
         if now - begin < SPAN {
             return;
         }
-        self.begin = Some((now, [north, east]));
+        self.velocity = Some((now, [north, east]));
         let (before, after) = (n.hypot(e), north.hypot(east));
         let course = (n * east - e * north).atan2(n * north + e * east);
         let moving = before.min(after) > MOVING;
@@ -183,6 +186,14 @@ impl Clock {
         let span = now - begin;
         let (faster, across) = ((after - before) / span, speed * course / span);
         self.fresh = Some(Span { begin, end: now, faster, across, speed, later: 0 });
+    }
+
+    /// Begins with the first velocity of a sensor. All room is allocated here.
+    fn begin(&mut self, sensor: &str) {
+        self.sensor = Some(sensor.to_owned());
+        self.past.reserve(PAST);
+        self.waiting.reserve(SPANS);
+        self.lags.resize(LAGS, Compared::default());
     }
 
     /// Adds a sample of the IMU, and decides after a span.
@@ -194,14 +205,14 @@ impl Clock {
         time: Time,
         dt: f64,
     ) -> Option<(Fault, &str)> {
-        if self.reported {
+        if self.reported || self.sensor.is_none() {
             return None;
         }
         let time = time.since(*self.start.get_or_insert(time));
         if time - self.last.time > GAP {
             self.past.clear();
             self.waiting.clear();
-            (self.begin, self.fresh) = (None, None);
+            (self.velocity, self.fresh) = (None, None);
         }
         let Sums { forward, turned, .. } = self.last;
         self.last = Sums { time, forward: forward + f.x * dt, turned: turned + w.z * dt };
@@ -262,7 +273,6 @@ impl Clock {
             return;
         };
         let rest = |[x, z]: [f64; 2]| [span.faster - x, span.across - span.speed * z];
-        self.lags.resize(LAGS, Compared::default());
         let Some(compared) = self.lags.get_mut((lag + LARGEST) as usize) else { return };
         compared.count += 1.0;
         compared.without.add(rest(now));
@@ -280,15 +290,16 @@ impl Clock {
             let enough = *count >= COUNT && change > LEAST;
             enough.then_some(Share { lag, left, explained, ratio })
         };
-        let shares: Vec<Share> = (-LARGEST..=LARGEST).zip(&self.lags).filter_map(share).collect();
-        let best = shares.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
+        let shares = (-LARGEST..=LARGEST).zip(&self.lags).filter_map(share);
+        let best = shares.clone().min_by(|a, b| a.left.total_cmp(&b.left))?;
         // a motion to and fro may fit the opposite offset as well
         let opposite = self.lags.get((LARGEST - best.lag) as usize)?.count >= COUNT;
         let other = ALONE * best.left.max(1.0 / EVIDENCE / ALONE);
         let alone = |share: &Share| (share.lag - best.lag).abs() <= SMALLEST || share.left >= other;
         let clear = best.lag.abs() >= SMALLEST && best.left * EVIDENCE <= 1.0;
         let better = best.explained >= LEAST && best.ratio >= EVIDENCE;
-        (opposite && clear && better && shares.iter().all(alone)).then_some(best.lag)
+        (opposite && clear && better && shares.clone().all(|share| alone(&share)))
+            .then_some(best.lag)
     }
 }
 
