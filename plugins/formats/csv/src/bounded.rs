@@ -177,10 +177,10 @@ fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, 
 /// # Errors
 /// When the file cannot be read.
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
     if let Some(text) = of_columns(path, most)? {
         return Ok(text.into_bytes());
     }
+    let mut bytes = Vec::new();
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
     Bounded::open(path, buffer, Form::default())?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
@@ -199,8 +199,8 @@ fn of_columns(path: &Path, most: u64) -> io::Result<Option<String>> {
     if !text.trim_start().starts_with(['{', '[']) || !transposed::begins(&text) {
         return Ok(None);
     }
-    let whole = Unbounded(Bounded::open(path, BUFFER, Form::default())?);
-    let columns = Columns::read(&mut { whole })?;
+    let mut whole = Unbounded(Bounded::open(path, BUFFER, Form::default())?);
+    let columns = Columns::read(&mut whole)?;
     Ok(Some(columns.beginning(usize::try_from(most).unwrap_or(usize::MAX))))
 }
 
