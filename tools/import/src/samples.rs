@@ -167,6 +167,8 @@ impl Recording {
     }
 
     /// Rejects files of which the one that aids the IMU has no valid sample: the sigma of the IMU alone would hide it.
+    ///
+    /// A file that holds the IMU too is of use without its aid, which a note then leaves out.
     pub fn keeps_an_aid(&self, files: &[PathBuf]) -> Result<(), StreamError> {
         let aids = |part: &Part| !DRIVING.contains(&part.name) && part.name != "reference";
         let named = |file: &Path| {
@@ -174,7 +176,8 @@ impl Recording {
                 |given: &PathBuf| std::fs::canonicalize(given).is_ok_and(|given| given == file);
             files.iter().any(same)
         };
-        let empty = self.empty.iter().find(|(_, file)| named(file));
+        let of_no_use = |file: &Path| !self.parts.iter().any(|part| part.file == file);
+        let empty = self.empty.iter().find(|(_, file)| named(file) && of_no_use(file));
         let Some((name, file)) = empty.filter(|_| !self.parts.iter().any(aids)) else {
             return Ok(());
         };

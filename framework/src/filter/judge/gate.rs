@@ -173,6 +173,10 @@ impl Ekf {
         if passes {
             return nis;
         }
+        // of samples that scatter more than their noise, the estimates move by more than their sigma
+        if scatter.suspects() {
+            self.parts.watch.widened();
+        }
         // an innovation that would have jumped with the wider noise too is no noise
         let jump = slot.lockout.jump();
         let Some(excess) = scatter.excess(update, present, jump) else { return nis };

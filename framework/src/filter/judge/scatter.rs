@@ -29,6 +29,9 @@ const KEPT: usize = 127;
 const NOISE: f64 = -0.35;
 /// Number of differences that a group needs once the noise of another group is found.
 const BESIDE: usize = KEPT / 3;
+/// Number of differences from which on a larger noise is suspected: `rho` is then good to 0.13 for noise, and 0.18
+/// for a process noise.
+const SUSPECTED: usize = 30;
 /// Limit of a difference in `rho`, in its sigma.
 const LIMIT: f64 = 3.0;
 /// Least factor of the stated variance that is found: twice the stated sigma, from which on a result
@@ -185,6 +188,12 @@ impl Scatter {
         self.before = present;
     }
 
+    /// Returns `true` while the samples scatter as a larger noise does, before their number suffices to say so.
+    pub(in crate::filter) fn suspects(&self) -> bool {
+        let large = |seen: &Differences| seen.factor(SUSPECTED).is_some_and(|f| f >= LEAST);
+        self.refused >= REFUSED && self.differences.iter().any(large)
+    }
+
     /// The largest excess, where the gate refuses enough samples and the noise of one
     /// group is above the stated one by more than a factor of the variance. The noise of each group
     /// becomes that of its samples, and the one of this update with it.
@@ -258,6 +267,24 @@ mod tests {
             let found = found(seed, sigma, |k| 0.3 * k as f64).unwrap_or_default();
             assert!((found / sigma).ln().abs() < 0.45, "{seed}: {found} of {sigma}");
         }
+    }
+
+    /// Of 127 samples that differ by three times their noise, 100 are enough for a suspicion, and 20 are not.
+    #[test]
+    fn a_noise_is_suspected_before_it_is_certain() {
+        let suspected = |count: usize, sigma: f64| {
+            let (mut scatter, mut random) = (Scatter::new(&[0b1]), Random::new(5, "scatter"));
+            let (mut update, mut left) = (Update::with_capacity(1, 1), [0.0; MAX_CHANNELS]);
+            for _ in 0..count {
+                (update.m, update.r) = (1, vec![1.0]);
+                update.innovation = vec![sigma * random.normal()];
+                scatter.take(&update, 1, &left, update.innovation[0].abs() > 3.3);
+                left[0] = update.innovation[0];
+            }
+            scatter.suspects()
+        };
+        assert!(suspected(100, 3.0));
+        assert!(!suspected(20, 3.0) && !suspected(100, 1.0));
     }
 
     /// A jump, a drift, and a motion in another unit, as of a depth in feet.

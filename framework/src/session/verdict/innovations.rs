@@ -23,6 +23,8 @@ const GATED: f64 = 0.1;
 /// Share of gated samples from which a result must not be used: the filter then follows the
 /// minority.
 const MOSTLY_GATED: f64 = 1.0 / 3.0;
+/// Share of refused samples from which on the filter has gone without the sensor.
+const NEARLY_ALL: f64 = 0.9;
 /// Number of gated samples in a row from which a run is doubtful: with 5 % of outliers, the
 /// probability is `0.05^5` at a sample, 0.3 % in ten thousand.
 const IN_A_ROW: u64 = 5;
@@ -237,6 +239,16 @@ impl SensorStatistics {
             found.retain(|d| d.criterion != criterion);
             report.reasons.push(reason(criterion, severity, &self.name, text, remedy));
         }
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns `true` if the gate refused nearly all samples.
+    pub(crate) fn is_refused(&self) -> bool {
+        let measured = self.whole.count + self.gated;
+        measured >= SHARED && self.gated as f64 >= NEARLY_ALL * measured as f64
     }
 
     fn judge_shares(&self, alpha: f64, report: &mut Report) {

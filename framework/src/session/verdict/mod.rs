@@ -128,6 +128,12 @@ impl Judge {
         }
     }
 
+    /// Name of the only sensor of which nearly all samples were refused.
+    fn the_refused_sensor(&self) -> Option<&str> {
+        let mut refused = self.sensors.iter().flatten().filter(|s| s.is_refused());
+        refused.next().filter(|_| refused.next().is_none()).map(SensorStatistics::name)
+    }
+
     /// Name of the driving sensor, if there is one.
     fn driver(&self) -> Option<&str> {
         let mut drivers = self.infos.iter().filter(|info| info.purpose == Purpose::Input);
@@ -146,8 +152,9 @@ impl Judge {
         let mut report = Report::default();
         let driver = self.driver().map(str::to_owned);
         let driver = driver.as_deref();
+        let parts = of_each_part(findings);
         let found_of = |basis: Basis| {
-            let findings = of_each_part(findings).into_iter().filter(move |f| f.basis == basis);
+            let findings = parts.iter().filter(move |f| f.basis == basis);
             findings.map(move |finding| found(finding, driver))
         };
         report.reasons.extend(found_of(Basis::Samples));
@@ -160,7 +167,11 @@ impl Judge {
                 "",
             )
         }));
-        report.reasons.extend(found_of(Basis::Explanation));
+        let explanations = parts.iter().filter(|f| f.basis == Basis::Explanation);
+        let refused = self.the_refused_sensor();
+        let (late, timely): (Vec<_>, Vec<_>) =
+            explanations.partition(|explanation| misses(explanation, refused, findings));
+        report.reasons.extend(timely.into_iter().map(|f| found(f, driver)));
         let explained = report.reasons.iter().any(names_the_fault);
         if !explained {
             let mut compared: Vec<Reason> = found_of(Basis::Comparison).collect();
@@ -168,6 +179,7 @@ impl Judge {
             report.reasons.append(&mut compared);
             report.reasons.extend(found_of(Basis::Silence));
         }
+        report.reasons.extend(late.into_iter().map(|f| found(f, driver)));
         report.reasons.extend(self.wide.iter().map(|prior| prior.reason().clone()));
         report.reasons.append(&mut self.reasons);
         let sensors = || self.sensors.iter().flatten();
@@ -193,6 +205,18 @@ impl Judge {
 /// the filter too, and name healthy sensors.
 fn names_the_fault(reason: &Reason) -> bool {
     (reason.criterion, reason.severity) == (Criterion::Finding, Severity::DoNotUse)
+}
+
+/// True for an error of another part than a sensor that the filter refused from a contradiction before it nearly to the
+/// end: whatever was found without that sensor does not explain what it contradicted.
+fn misses(explanation: &Finding, refused: Option<&str>, findings: &[Finding]) -> bool {
+    let contradicted = |before: &&Finding| {
+        (before.basis, before.severity) == (Basis::Comparison, Severity::DoNotUse)
+            && before.time < explanation.time
+            && Some(before.about.as_str()) == refused
+    };
+    refused.is_some_and(|sensor| sensor != explanation.about)
+        && findings.iter().any(|before| contradicted(&before))
 }
 
 /// Counts gated or rejected samples as part of a fault of their sensor that was found and

@@ -25,7 +25,14 @@ use crate::units::time::Time;
 const S: [f64; 9] = [4.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.25];
 
 /// Judges a sensor with three channels whose normalised innovations at 1 Hz are `u(second)`.
-fn judge(samples: i64, mut u: impl FnMut(i64) -> [f64; 3]) -> Report {
+fn judge(samples: i64, u: impl FnMut(i64) -> [f64; 3]) -> Report {
+    let sensor = statistics(samples, u);
+    let mut report = Report::default();
+    sensor.judge(FALSE_ALARM / sensor.tests(true) as f64, true, &mut report);
+    report
+}
+
+fn statistics(samples: i64, mut u: impl FnMut(i64) -> [f64; 3]) -> SensorStatistics {
     let channels = ["x", "y", "z"].map(str::to_owned).to_vec();
     let mut sensor = SensorStatistics::new("dvl".to_owned(), channels, false);
     let threshold = Gate::default().thresholds()[3];
@@ -45,9 +52,7 @@ fn judge(samples: i64, mut u: impl FnMut(i64) -> [f64; 3]) -> Report {
         });
     }
     sensor.finish();
-    let mut report = Report::default();
-    sensor.judge(FALSE_ALARM / sensor.tests(true) as f64, true, &mut report);
-    report
+    sensor
 }
 
 fn white(random: &mut Random) -> [f64; 3] {
@@ -197,6 +202,11 @@ fn of_the_findings_of_a_part_the_one_that_says_most_counts() {
 /// Judges one sensor that corrects one constant state, whose prior is 0 with a sigma of 1: one
 /// sample with a noise of 1.
 fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
+    judged(innovation, findings, None)
+}
+
+/// The same beside the statistics of the sensor.
+fn judged(innovation: f64, findings: &[Finding], sensor: Option<SensorStatistics>) -> Verdict {
     let mut composer = Composer::default();
     composer.begin("dvl");
     let spec = BlockSpec {
@@ -216,7 +226,7 @@ fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
         purpose: Purpose::Input,
         mounting: Mounting::default(),
     };
-    let (infos, sensors, reasons) = (vec![driver], vec![None], Vec::new());
+    let (infos, sensors, reasons) = (vec![driver], vec![sensor], Vec::new());
     let mut judge = Judge {
         infos,
         sensors,
@@ -341,4 +351,26 @@ fn what_the_first_fault_explains_is_left_out() {
         let verdict = corrected(10.0, &all);
         assert_eq!(verdict.answers().sigma, Truth::TooSmall);
     }
+}
+
+/// Of 100 samples 9 or 11 are used.
+#[test]
+fn what_is_found_without_a_sensor_does_not_explain_what_it_contradicted() {
+    let finding = |about: &str, seconds: i64, basis| Finding {
+        time: Time::from_nanos(seconds * 1_000_000_000),
+        about: about.to_owned(),
+        severity: Severity::DoNotUse,
+        basis,
+        text: String::new(),
+        remedy: String::new(),
+    };
+    let first = |used: i64, explained: i64| {
+        let findings =
+            [finding("dvl", 40, Basis::Comparison), finding("imu", explained, Basis::Explanation)];
+        let sensor = statistics(100, |second| if second < used { [1.0; 3] } else { [9.0; 3] });
+        judged(0.0, &findings, Some(sensor)).reasons[0].about.clone()
+    };
+    assert_eq!(first(9, 300), "dvl");
+    assert_eq!(first(11, 300), "imu");
+    assert_eq!(first(9, 30), "imu");
 }

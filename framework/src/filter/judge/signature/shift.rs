@@ -5,9 +5,11 @@ use super::lanes::Seen;
 use crate::compose::{Composition, moved};
 use crate::model::record::finding::{Basis, Finding};
 use crate::model::sensor::{Role, Sensor, SensorInfo};
-use crate::state::{Dynamics, Layout};
-use crate::units::sample::channels;
-use crate::units::time::Time;
+use crate::state::geodesy::radii_of_curvature;
+use crate::state::{Dynamics, Layout, State};
+use crate::units::Unit;
+use crate::units::sample::{Channel, channels};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Where an error enters.
@@ -106,8 +108,14 @@ impl Shift {
     }
 
     /// What a channel of the sensor does.
-    fn off(&self, channel: usize, found: &Found, sensor: &SensorInfo) -> String {
-        let unit = sensor.channels.get(channel).map(|channel| channel.unit.shown());
+    fn off(
+        &self,
+        channel: usize,
+        found: &Found,
+        sensor: &SensorInfo,
+        (layout, state): (&Layout, &State),
+    ) -> String {
+        let unit = sensor.channels.get(channel).map(|channel| unit(channel, layout, state));
         let (unit, scale) = unit.unwrap_or_default();
         let (verb, per) = match self.place {
             Place::Drift(_) => ("drifts", "/s"),
@@ -119,11 +127,17 @@ impl Shift {
     }
 
     /// What an error of a channel does that explains the same samples as another one, in words.
-    pub(super) fn alike(&self, found: &Found, sensor: &SensorInfo, layout: &Layout) -> String {
+    pub(super) fn alike(
+        &self,
+        found: &Found,
+        sensor: &SensorInfo,
+        (layout, state): (&Layout, &State),
+    ) -> String {
         let (Place::Channel(channel) | Place::Drift(channel)) = self.place else {
             return String::new();
         };
-        let (off, moved) = (self.off(channel, found, sensor), found.moved(layout));
+        let off = self.off(channel, found, sensor, (layout, state));
+        let moved = found.moved(layout);
         format!("; or {off}, which has moved {moved}")
     }
 
@@ -131,10 +145,10 @@ impl Shift {
     pub(super) fn finding(
         &self,
         (found, prior): (&Found, bool),
-        time: Time,
         sensor: &SensorInfo,
-        layout: &Layout,
+        (layout, state): (&Layout, &State),
     ) -> Finding {
+        let time = state.time;
         let (score, about) = (&found.score, sensor.name.clone());
         let fit = format!("{:.1} sigma", score.sigmas().abs());
         let (text, remedy) = match self.place {
@@ -167,7 +181,7 @@ impl Shift {
                 }
             }
             Place::Channel(channel) | Place::Drift(channel) => {
-                let text = format!("{} ({fit})", self.off(channel, found, sensor));
+                let text = format!("{} ({fit})", self.off(channel, found, sensor, (layout, state)));
                 let remedy =
                     "look at the sensor since then; if its error is known to last, give it a \
                               bias or correlated_error"
@@ -184,6 +198,17 @@ impl Shift {
             text: format!("{text}, which has moved {moved}"),
             remedy,
         }
+    }
+}
+
+/// The unit of an error of a channel, and its number in one of SI: metres for a latitude or a longitude.
+fn unit(channel: &Channel, layout: &Layout, state: &State) -> (Cow<'static, str>, f64) {
+    let latitude = layout.vehicle().position.map_or(0.0, |at| state.get(layout, at).latitude);
+    let (north, east) = radii_of_curvature(latitude);
+    match (&*channel.name, channel.unit) {
+        ("lat", Unit::RADIAN) => ("m".into(), north),
+        ("lon", Unit::RADIAN) => ("m".into(), east * latitude.cos()),
+        (_, unit) => unit.shown(),
     }
 }
 

@@ -33,8 +33,8 @@ use crate::filter::judge::lockout::GONE;
 use crate::filter::judge::measured::Measured;
 use crate::model::record::finding::{Finding, Severity};
 use crate::model::sensor::SensorInfo;
-use crate::state::Layout;
 use crate::state::covariance::Covariance;
+use crate::state::{Layout, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 use std::ops::Range;
@@ -154,15 +154,15 @@ impl Shifts {
     pub(super) fn finding(
         &self,
         step: &Step,
-        time: Time,
         sensor: &SensorInfo,
-        layout: &Layout,
+        (layout, state): (&Layout, &State),
     ) -> Finding {
         let prior = step.found.score.since == self.run;
-        let mut finding = self.axes[step.axis].finding((&step.found, prior), time, sensor, layout);
+        let mut finding =
+            self.axes[step.axis].finding((&step.found, prior), sensor, (layout, state));
         if let Some((axis, found)) = &step.alike {
             finding.severity = finding.severity.max(found.severity);
-            finding.text.push_str(&self.axes[*axis].alike(found, sensor, layout));
+            finding.text.push_str(&self.axes[*axis].alike(found, sensor, (layout, state)));
         }
         finding
     }

@@ -363,7 +363,7 @@ impl Signatures {
             let alone = (!shared).then_some(index);
             let step = shifts.refused((state.time, alone), states, containment, rival)?;
             let about = shifts.sensor(&step);
-            let finding = shifts.finding(&step, state.time, sensor(about), layout);
+            let finding = shifts.finding(&step, sensor(about), (layout, state));
             blame(culprit, about, &finding);
             Some(finding)
         });
@@ -394,7 +394,8 @@ impl Signatures {
             let states = (&mut *covariance, considered);
             let rival = |sensor| rival_of_shift((sensor, false), offsets, (parameters, known));
             if let Some(step) = shifts.corrected(time, states, containment, rival) {
-                let mut finding = shifts.finding(&step, time, sensor(shifts.sensor(&step)), layout);
+                let mut finding =
+                    shifts.finding(&step, sensor(shifts.sensor(&step)), (layout, state));
                 if step.lasts {
                     finding = containment.noted(finding, CONTAINED);
                 } else {

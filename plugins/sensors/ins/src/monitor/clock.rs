@@ -40,6 +40,10 @@ const LEAST: f64 = 1.0;
 /// Ratio of the residuals of the next best offset, more than two seconds away: a motion that
 /// repeats itself fits several.
 const ALONE: f64 = 3.0;
+/// Ratio of the residuals of an offset one or two seconds beside it, and the number of spans from which on it may be less:
+/// half a second between two offsets fits both.
+const BESIDE: f64 = 2.0;
+const MANY: f64 = 3.0 * COUNT;
 /// Least speed at which a course turns, m/s.
 const MOVING: f64 = 1.0;
 
@@ -98,6 +102,7 @@ enum Changes {
 /// Share of the changes that is left with an offset.
 struct Share {
     lag: i32,
+    count: f64,
     left: f64,
     /// What the offset explains, and the residuals without it over those with it.
     explained: f64,
@@ -288,18 +293,26 @@ impl Clock {
             let [without, with, change] = [of(without), of(with), of(change)];
             let (left, explained, ratio) = (with / change, without - with, without / with);
             let enough = *count >= COUNT && change > LEAST;
-            enough.then_some(Share { lag, left, explained, ratio })
+            enough.then_some(Share { lag, count: *count, left, explained, ratio })
         };
         let shares = (-LARGEST..=LARGEST).zip(&self.lags).filter_map(share);
         let best = shares.clone().min_by(|a, b| a.left.total_cmp(&b.left))?;
-        // a motion to and fro may fit the opposite offset as well
-        let opposite = self.lags.get((LARGEST - best.lag) as usize)?.count >= COUNT;
+        // a motion to and fro may fit the opposite offset as well, and the one beside it fits almost as well
+        let compared = |lag: i32| {
+            let known = usize::try_from(LARGEST + lag).ok().and_then(|at| self.lags.get(at));
+            known.is_none_or(|compared| compared.count >= COUNT)
+        };
+        let rivals = [-best.lag, best.lag - 2, best.lag - 1, best.lag + 1, best.lag + 2];
+        let rivals = rivals.into_iter().all(compared);
         let other = ALONE * best.left.max(1.0 / EVIDENCE / ALONE);
-        let alone = |share: &Share| (share.lag - best.lag).abs() <= SMALLEST || share.left >= other;
+        let alone = |share: &Share| match (share.lag - best.lag).abs() {
+            0 => true,
+            1 | 2 => best.count >= MANY || share.left >= BESIDE * best.left,
+            _ => share.left >= other,
+        };
         let clear = best.lag.abs() >= SMALLEST && best.left * EVIDENCE <= 1.0;
         let better = best.explained >= LEAST && best.ratio >= EVIDENCE;
-        (opposite && clear && better && shares.clone().all(|share| alone(&share)))
-            .then_some(best.lag)
+        (rivals && clear && better && shares.clone().all(|share| alone(&share))).then_some(best.lag)
     }
 }
 
@@ -317,7 +330,7 @@ fn fault(lag: i32, sensor: &str) -> Fault {
         ),
         remedy: format!(
             "check what the stamps count from; put samples = {{ clock = \"{back}{lag} s\" }} into \
-             [sensor.{sensor}] (not tried); `navfuse diagnose` tries offsets"
+             [sensor.{sensor}] (good to a second, and not tried); `navfuse diagnose` tries offsets"
         ),
     }
 }
