@@ -2,7 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
-use crate::execution::input::{document, is_log, runs_folder};
+use crate::execution::input::{document, is_log, log_of, runs_folder};
 use crate::output;
 use crate::output::Format;
 use crate::output::progress::{Bar, stop_on_signal};
@@ -109,7 +109,7 @@ fn requests(arguments: &Compare) -> Result<Vec<Request>> {
     })?;
     let mut requests = Vec::new();
     for of in &arguments.of {
-        let path = if of.is_dir() { of.join("run.mcap") } else { of.clone() };
+        let path = log_of(of)?;
         let changed = arguments.vary.first().or(arguments.set.first());
         if let Some(change) = changed.filter(|_| is_log(&path)) {
             return Err(CommandError::argument(

@@ -2,7 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::campaign::threads;
-use crate::execution::input::{document_of, is_log};
+use crate::execution::input::{document_of, is_log, log_in};
 use crate::execution::run::INCONSISTENT;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::{self, Format, write_files};
@@ -57,11 +57,12 @@ pub struct Diagnose {
 /// Finds the change of a scenario that explains its samples.
 pub fn diagnose(registry: &Registry, arguments: &Diagnose) -> Result<ExitCode> {
     let options = Options { threads: threads(arguments.jobs)?, seconds: SECONDS };
-    let (mut document, first) = document_of(&arguments.scenario)?;
+    let of = log_in(&arguments.scenario).unwrap_or_else(|| arguments.scenario.clone());
+    let (mut document, first) = document_of(&of)?;
     let settings = [&first[..], &arguments.set].concat();
     settings.iter().try_for_each(|s| document.set(s))?;
     let target = arguments.apply.as_deref();
-    target.map_or(Ok(()), |out| check_target(&arguments.scenario, out))?;
+    target.map_or(Ok(()), |out| check_target(&of, out))?;
     let text = arguments.format == Format::Text;
     let (stop, bar) = (stop_on_signal(), Bar::new(text));
     let show = |done, all| bar.trials(done, all);

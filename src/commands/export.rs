@@ -1,7 +1,7 @@
 //! `navfuse export`.
 
 use crate::error::{CommandError, Result};
-use crate::execution::input::{document_of, missing_log};
+use crate::execution::input::{document_of, log_of, missing_log};
 use crate::output;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
@@ -16,10 +16,10 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `export`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse export runs/dive/run.mcap --to geojson    writes runs/dive/run.geojson
+  navfuse export runs/dive --to geojson             writes runs/dive/run.geojson
   navfuse export runs/dive/run.mcap --to csv        every state, full covariance
   navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z
   navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out bag
@@ -29,7 +29,7 @@ log. csv and parquet contain every state with its full covariance, ros2 contains
 velocity with their covariances. For these three, the filter runs the scenario in the log again \
 on its samples.")]
 pub struct Export {
-    /// A log, which is an MCAP file that navfuse wrote
+    /// A log, which is an MCAP file that navfuse wrote, or the folder of a run with one
     pub log: PathBuf,
     /// The format
     #[arg(long, value_enum, value_name = "FORMAT")]
@@ -114,6 +114,7 @@ impl To {
 
 /// Writes the estimates of a log in another format.
 pub fn export(registry: &Registry, arguments: &Export) -> Result<ExitCode> {
+    let arguments = &Export { log: log_of(&arguments.log)?, ..arguments.clone() };
     let (log, stop) = (&arguments.log, stop_on_signal());
     navfuse_core::input::open(log).map_err(missing_log(log))?;
     let uses_axes = matches!(arguments.to, To::Tum | To::Kitti | To::Csv | To::Parquet);

@@ -2,7 +2,9 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
-use crate::execution::input::{document, document_of, has_extension, missing_log, runs_folder};
+use crate::execution::input::{
+    document, document_of, has_extension, log_of, missing_log, runs_folder,
+};
 use crate::execution::sensitivity::sensitivity;
 use crate::output;
 use crate::output::progress::{Bar, stop_on_signal};
@@ -25,7 +27,7 @@ const EVERY: f64 = 1.0;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  navfuse report runs/dive/run.mcap     writes runs/dive/report.html
+  navfuse report runs/dive              writes runs/dive/report.html
   navfuse report dive.toml --set seed=7     runs it first, then writes the same
   navfuse report dive.mcap --out dive.html
 
@@ -33,7 +35,8 @@ The page has the track, every state with its bounds of 3 sigma and the truth whe
 the innovations with their gates, the accepted and rejected samples of each sensor, the \
 calibration before and after, the events and the scenario. It is one file and needs no network.")]
 pub struct Report {
-    /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
+    /// A log, which is an MCAP file that navfuse wrote, the folder of a run with one, or a scenario, a TOML
+    /// file
     #[arg(value_name = "SCENARIO|LOG")]
     pub of: PathBuf,
     /// The page [default: report.html beside the log, or in runs/NAME of the scenario]
@@ -116,7 +119,7 @@ fn of_log(
                        again";
         return Err(CommandError::argument("--set", message));
     }
-    let log = &arguments.of;
+    let log = &log_of(&arguments.of)?;
     let _held = open(log).map_err(missing_log(log))?;
     let mut history = navfuse_report::read_log(log, |read| bar.log(read))?;
     let observed = filter_again(registry, arguments, &mut history, stop, bar)?;

@@ -27,9 +27,66 @@ pub fn document(path: &Path) -> Result<Document> {
     Ok(Document::parse_with_includes("stdin", text)?)
 }
 
-/// The scenario at a path, and the settings that it needs: for a log, the setting that makes the
-/// log the source of samples.
+/// Name of the log of a run in its folder.
+const LOG: &str = "run.mcap";
+/// Number of files of a folder that an error names.
+const NAMED: usize = 5;
+
+/// The log in the folder of a run: `run.mcap`, or the only log there.
+pub fn log_in(folder: &Path) -> Option<PathBuf> {
+    let usual = folder.join(LOG);
+    if usual.is_file() || part_of(&usual).is_file() {
+        return Some(usual);
+    }
+    let mut logs =
+        names(folder).into_iter().map(|name| folder.join(name)).filter(|path| is_log(path));
+    logs.next().filter(|_| logs.next().is_none())
+}
+
+/// The log at a path, or in the folder of a run there.
+///
+/// # Errors
+/// When the folder has no log, or several: the error names what is there.
+pub fn log_of(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    log_in(path).ok_or_else(|| {
+        let names = names(path);
+        let (logs, others): (Vec<_>, Vec<_>) =
+            names.into_iter().partition(|name| is_log(Path::new(name)));
+        let message = match (logs.is_empty(), others.is_empty()) {
+            (false, _) => format!("the folder has several logs; name one of {}", listed(&logs)),
+            (true, true) => "the folder is empty; name the log of a run".to_owned(),
+            (true, false) => format!("the folder has no log, only {}", listed(&others)),
+        };
+        CommandError::argument(path.display().to_string(), message)
+    })
+}
+
+/// The names in a folder, in order.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// The first few of some names.
+fn listed(names: &[String]) -> String {
+    let more = match names.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    names.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ") + &more
+}
+
+/// The scenario at a path, and the settings that it needs: for a log, or the folder of a run with one, the
+/// setting that makes the log the source of samples.
 pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
+    let inside = log_in(path);
+    let path = inside.as_deref().unwrap_or(path);
     if !is_log(path) {
         return Ok((document(path)?, Vec::new()));
     }

@@ -25,7 +25,7 @@ pub fn tables(comparison: &Comparison) {
     }
     for run in &comparison.runs {
         let verdict = run.verdict_text.as_deref().unwrap_or("not judged");
-        let mark = run.verdict.map(|level| (level.words(), tone(level)));
+        let mark = run.severity.map(|severity| (severity.verdict(), tone(severity.into())));
         marked_line(format_args!("verdict of {}: {verdict}", run.letter), mark.as_slice());
     }
 }
@@ -81,7 +81,7 @@ fn results(comparison: &Comparison) {
     add("distance", &|r| r.distance_m.map(|m| format!("{m:.0} m")));
     add("duration", &|r| Some(format!("{:.0} s", r.duration_s)));
     add("warnings and errors", &|r| Some(r.warnings.to_string()));
-    add("verdict", &|r| Some(r.verdict.map_or("not judged", |v| v.words()).to_owned()));
+    add("verdict", &|r| Some(r.words().to_owned()));
     right(&mut rows, 1..comparison.runs.len() + 1);
     line(format_args!("{rows}\n"));
 }

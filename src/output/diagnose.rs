@@ -3,7 +3,7 @@
 use super::run::tone;
 use super::terminal::Detail;
 use super::{line, marked_table, right, table};
-use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_diagnose::{Diagnosis, Trial};
 
 /// Rows of the table.
@@ -25,8 +25,7 @@ fn trials(diagnosis: &Diagnosis) {
     }
     right(&mut rows, 1..4);
     right(&mut rows, 5..6);
-    let levels = [VerdictLevel::Consistent, VerdictLevel::Doubtful, VerdictLevel::DoNotUse];
-    marked_table(&rows, &levels.map(|level| (level.words(), tone(level))));
+    marked_table(&rows, &Severity::ALL.map(|severity| (severity.verdict(), tone(severity.into()))));
     let unfit = match diagnosis.unfit {
         0 => String::new(),
         n => format!("; {n} do not fit this scenario"),
@@ -45,7 +44,7 @@ fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
         format!("{:.0}", trial.gain),
         margin,
         nis,
-        trial.level.words().to_owned(),
+        trial.severity.verdict().to_owned(),
         moved,
     ]
 }

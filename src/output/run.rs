@@ -133,7 +133,7 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
 /// Prints the reasons of a verdict with their remedies, and the verdict in the last line. Where
 /// results alone are printed, the verdict is alone.
 pub fn verdict(verdict: &Verdict) {
-    let (words, tone) = (verdict.level.words(), tone(verdict.level));
+    let (words, tone) = (verdict.words(), tone(verdict.level));
     if Detail::is_quiet() {
         return marked_line(format_args!("verdict: {verdict}"), &[(words, tone)]);
     }

@@ -41,3 +41,4 @@ mod survey;
 mod systems;
 mod terminal;
 mod time_offset;
+mod wording;

@@ -1,6 +1,7 @@
 //! The file that was meant where a path leads to none.
 
 use crate::document::explain::did_you_mean;
+use crate::input::read_text;
 use std::fs;
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -9,14 +10,20 @@ use std::path::{Path, PathBuf};
 const NAMED: usize = 5;
 const ENTRIES: usize = 10_000;
 
+/// Largest file that is looked at, bytes.
+const LARGEST: u64 = 1 << 20;
+/// Extension of a scenario, and the tables by which one is known.
+const SCENARIO: &str = "toml";
+const TABLES: [&str; 4] = ["sensor", "source", "process", "include"];
+
 /// What to do about a file that cannot be read, after a semicolon; empty where the reason suffices. The file
 /// that was meant has that extension.
 pub fn file_remedy(path: &Path, extension: &str, error: &Error) -> String {
     match error.kind() {
         ErrorKind::NotFound => format!("; {}", of_absent(path, extension)),
-        ErrorKind::IsADirectory => match listed(&files(path, extension)) {
+        ErrorKind::IsADirectory => match listed(&meant_files(path, extension)) {
             Some(there) => format!("; name a file in it: {there}"),
-            None => format!("; it has no .{extension} file"),
+            None => format!("; it has no {}", what(extension)),
         },
         _ => String::new(),
     }
@@ -29,7 +36,7 @@ fn of_absent(path: &Path, extension: &str) -> String {
         return format!("the folder {} does not exist either", folder.display());
     }
     let with_extension = path.with_added_extension(extension);
-    let there = files(folder, extension);
+    let there = meant_files(folder, extension);
     let meant = if with_extension.is_file() {
         Some(with_extension)
     } else {
@@ -40,11 +47,20 @@ fn of_absent(path: &Path, extension: &str) -> String {
     if let Some(meant) = meant {
         return format!("did you mean {}?", plain(&meant).display());
     }
+    let has = |folder: &Path, there: &str| format!("the folder {} has {there}", folder.display());
     let here = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-    match listed(&there) {
-        Some(there) => format!("the folder {} has {there}", here.display()),
-        None => format!("the folder {} has no .{extension} file", here.display()),
-    }
+    let below = || {
+        let mut folders: Vec<PathBuf> = entries(folder).filter(|p| p.is_dir()).collect();
+        folders.sort();
+        folders.iter().find_map(|f| Some(has(plain(f), &listed(&meant_files(f, extension))?)))
+    };
+    let there = listed(&there).map(|there| has(&here, &there)).or_else(below);
+    there.unwrap_or_else(|| format!("the folder {} has no {}", here.display(), what(extension)))
+}
+
+/// The word for a file with that extension.
+fn what(extension: &str) -> String {
+    if extension == SCENARIO { "scenario".to_owned() } else { format!(".{extension} file") }
 }
 
 /// The file whose name is near that of a path.
@@ -70,6 +86,22 @@ fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = entries(folder).filter(|p| fits(p) && p.is_file()).collect();
     files.sort();
     files
+}
+
+/// The files that may have been meant: of TOML files the scenarios, not the settings of other programs.
+fn meant_files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut files = files(folder, extension);
+    if extension == SCENARIO {
+        files.retain(|path| is_scenario(path));
+    }
+    files
+}
+
+/// Returns `true` for a document with a table that every scenario has, or with an include.
+fn is_scenario(path: &Path) -> bool {
+    let text = read_text(path, LARGEST).ok();
+    let table = text.and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+    table.is_some_and(|table| TABLES.iter().any(|name| table.contains_key(*name)))
 }
 
 fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
@@ -104,7 +136,7 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("faults"))?;
         for name in ["auv.toml", "quickstart.toml", "faults/gnss-jump.toml", "notes.md"] {
-            fs::write(at(name), "")?;
+            fs::write(at(name), "[sensor.imu]")?;
         }
         let said = |path: &Path| file_remedy(path, "toml", &ErrorKind::NotFound.into());
         let meant = |name: &str| format!("; did you mean {}?", at(name).display());
@@ -117,8 +149,20 @@ mod tests {
         for name in ["gnss-jump", "gnss-jump.toml"] {
             assert_eq!(said(&at(name)), meant("faults/gnss-jump.toml"));
         }
+        // the settings of another program are no scenario
+        fs::write(at("typos.toml"), "[files]")?;
+        fs::write(at("broken.toml"), "[sensor")?;
+        assert!(!said(&at("types.toml")).contains("typos"));
         let others = said(&at("nowhere.toml"));
         assert!(others.ends_with(" has auv.toml, quickstart.toml"), "{others}");
+        fs::remove_file(at("auv.toml"))?;
+        fs::remove_file(at("quickstart.toml"))?;
+        let others = said(&at("nowhere.toml"));
+        assert!(others.ends_with("faults has gnss-jump.toml"), "{others}");
+        fs::remove_file(at("faults/gnss-jump.toml"))?;
+        let none = said(&at("nowhere.toml"));
+        assert!(none.ends_with(" has no scenario"), "{none}");
+        fs::write(at("faults/gnss-jump.toml"), "[sensor.imu]")?;
         let below = said(&at("dives/auv.toml"));
         assert!(below.ends_with("dives does not exist either"), "{below}");
         let itself = file_remedy(&at("faults"), "toml", &ErrorKind::IsADirectory.into());

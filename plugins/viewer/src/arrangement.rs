@@ -9,7 +9,7 @@ use crate::overview;
 use crate::plots::{Plots, end_of_run};
 use crate::polar::Polar;
 use crate::run::Run;
-use crate::scene::{AROUND, DISTANCE, LIVE_VEHICLE, VEHICLE};
+use crate::scene::{AROUND, BALL, DISTANCE, LIVE_VEHICLE, VEHICLE};
 use crate::state::BlockSeries;
 use crate::style::{label, title};
 use crate::tab::Tab;
@@ -151,7 +151,8 @@ impl Layout {
                     .into(),
                 None => page,
             };
-            let shares = shares(share_of(run.lanes.len()));
+            // a lane more has the time
+            let shares = shares(share_of(run.lanes.len() + 1));
             return Vertical::new([top, lanes]).with_row_shares(shares).with_name(name).into();
         }
         let below = self.worst_and_states(run);
@@ -283,12 +284,9 @@ impl Layout {
         if let Some(graticule) = graticule {
             self.set(&plane, "MapZoom", MapZoom::new(graticule.zoom()));
         }
-        if let Some((mut middle, side)) = extent.middle().filter(|_| self.ranges) {
-            middle[2] *= depth;
-            let length = |k: usize| extent.high[k] - extent.low[k];
-            let sides = [length(0), length(1), depth * length(2)];
-            let diagonal = sides.map(|side| side * side).iter().sum::<f32>().sqrt();
-            let radius = 0.5 * diagonal.max(side);
+        // while a run goes on, its track is moved into the ball that the eye sees
+        let ball = if self.ranges { extent.ball(depth) } else { Some(([0.0; 3], BALL)) };
+        if let Some((middle, radius)) = ball {
             self.set(&whole, "EyeControls3D", eye(middle, EYE * radius, SEEING_ALL));
         }
         [whole, plane]

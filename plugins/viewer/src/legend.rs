@@ -3,13 +3,14 @@
 
 use crate::lane::WAITING;
 use crate::recording::Recording;
-use crate::strip::{self, BESIDE, LETTER, MARGINS, has_room};
+use crate::strip::{self, BELOW, BESIDE, LETTER, MARGINS, has_room, without_word};
 use crate::style::{Colour, path};
 use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
+use std::collections::BTreeMap;
 
 /// Number of times on the strip of seconds, about.
 const TIMES: f64 = 8.0;
@@ -64,8 +65,7 @@ fn chips((first, last): (i64, i64)) -> Vec<(&'static str, [i64; 2])> {
     widths.into_iter().map(chip).collect()
 }
 
-/// Writes the strip of all colours with their words, and the strip of seconds, over a run between those
-/// times, ns.
+/// Writes the strip of all colours with their words over a run between those times, ns.
 pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), StreamError> {
     let entity = path(&["colour_legend"]);
     recording.log_static(&entity, &look())?;
@@ -74,27 +74,87 @@ pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), Str
         // an empty state ends the one before it
         recording.log(&entity, end, &StateChange::single(""))?;
     }
-    let marks = marks(first, last);
-    let entity = path(&["clock"]);
-    let words = || marks.iter().map(|mark| seconds(*mark));
-    let shades = (0..marks.len()).map(|k| SHADES[k % 2]);
-    let look = StateConfiguration::new()
-        .with_values(words())
-        .with_colors(shades.map(|[r, g, b]| Color::from_rgb(r, g, b)));
-    recording.log_static(&entity, &look)?;
-    for (mark, word) in marks.iter().zip(words()) {
-        recording.log(&entity, *mark, &StateChange::single(word))?;
-    }
     Ok(())
 }
 
-/// The begin of a run and the round times in it, ns.
-fn marks(first: i64, last: i64) -> Vec<i64> {
+/// The strip of seconds, whose marks are farther apart the longer a run goes on.
+#[derive(Debug, Default)]
+pub struct Clock {
+    /// The state that viewers have at each time, ns.
+    written: BTreeMap<i64, String>,
+}
+
+impl Clock {
+    /// Shows a run that goes on to the viewers that watch, between those times, ns.
+    ///
+    /// # Errors
+    /// When the strip cannot be encoded.
+    pub fn show(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
+        let marks = marks(span, BELOW);
+        let changes = self.changes(&marks);
+        if changes.is_empty() {
+            return Ok(());
+        }
+        let entity = path(&["clock"]);
+        recording.log_static_to_viewers(&entity, &look_of(&marks))?;
+        changes.into_iter().try_for_each(|(mark, state)| {
+            recording.log_to_viewers(&entity, mark, &StateChange::single(state))
+        })
+    }
+
+    /// Writes the strip of a run that has ended.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    pub fn write(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
+        let (entity, marks) = (path(&["clock"]), marks(span, BESIDE));
+        recording.log_static(&entity, &look_of(&marks))?;
+        for (time, state) in self.changes(&marks) {
+            if !marks.contains(&time) {
+                recording.log_to_viewers(&entity, time, &StateChange::single(state))?;
+            }
+        }
+        // the file has none of the marks before
+        marks.iter().try_for_each(|mark| {
+            recording.log(&entity, *mark, &StateChange::single(seconds(*mark)))
+        })
+    }
+
+    /// The states that make the strip one with these marks: a mark that is none any more continues the
+    /// stretch before it, without a word.
+    fn changes(&mut self, marks: &[i64]) -> Vec<(i64, String)> {
+        let before = |time: i64| marks.iter().rev().find(|mark| **mark < time);
+        let gone = self.written.keys().filter(|time| !marks.contains(time));
+        let gone = gone.map(|time| (*time, before(*time).map_or_else(String::new, continued)));
+        let all: BTreeMap<i64, String> =
+            gone.chain(marks.iter().map(|mark| (*mark, seconds(*mark)))).collect();
+        let old = std::mem::replace(&mut self.written, all.clone());
+        all.into_iter().filter(|(time, state)| old.get(time) != Some(state)).collect()
+    }
+}
+
+/// The state of the rest of a stretch that begins at a mark.
+fn continued(mark: &i64) -> String {
+    without_word(&seconds(*mark))
+}
+
+/// The look of the strip of seconds with those marks.
+fn look_of(marks: &[i64]) -> StateConfiguration {
+    let words = || marks.iter().map(|mark| seconds(*mark));
+    let shades = (0..marks.len()).map(|k| SHADES[k % 2]);
+    StateConfiguration::new()
+        .with_values(words().flat_map(|word| [without_word(&word), word]))
+        .with_labels(words().flat_map(|word| [" ".to_owned(), word]))
+        .with_colors(shades.flat_map(|[r, g, b]| [Color::from_rgb(r, g, b); 2]))
+}
+
+/// The begin of a run and the round times in it, ns, on a strip of that width, pixels.
+fn marks((first, last): (i64, i64), width: f64) -> Vec<i64> {
     let run = (last - first) as f64 * 1e-9;
     let step = (crate::plan::round(run / TIMES).max(1e-3) * 1e9) as i64;
     let round = (first / step + 1..=last / step).map(|k| k * step).filter(|mark| *mark > first);
     // the first and the last stretch have room for their words, too
-    let pixels = |length: i64| BESIDE * length as f64 * 1e-9 / run.max(1e-9);
+    let pixels = |length: i64| width * length as f64 * 1e-9 / run.max(1e-9);
     let first_word = seconds(first);
     let round = round.skip_while(|mark| !has_room(&first_word, pixels(mark - first)));
     let round = round.filter(|mark| has_room(&seconds(*mark), pixels(last - mark)));
@@ -134,11 +194,34 @@ mod tests {
         }
     }
 
+    /// Viewers keep what they were sent: once the marks are 50 s apart instead of 20 s, those at 20, 40, 60
+    /// and 80 s continue the stretches before them, and all others are as in a strip that begins then.
+    #[test]
+    fn marks_that_a_longer_run_has_no_more_continue_the_stretch_before_them() {
+        let second = 1_000_000_000;
+        let mut clock = Clock::default();
+        let first = clock.changes(&[0, 20, 40, 60, 80].map(|s| s * second));
+        assert_eq!(first[1], (20 * second, "20 s".to_owned()));
+        assert_eq!(first.len(), 5);
+        let then = clock.changes(&[0, 50, 100].map(|s| s * second));
+        let expected = [
+            (20, "0 s "),
+            (40, "0 s "),
+            (50, "50 s"),
+            (60, "50 s "),
+            (80, "50 s "),
+            (100, "100 s"),
+        ];
+        let expected = expected.map(|(time, state)| (time * second, state.to_owned()));
+        assert_eq!(then, expected);
+        assert_eq!(clock.changes(&[0, 50, 100].map(|s| s * second)), []);
+    }
+
     #[test]
     fn the_seconds_are_round_and_few_and_each_has_room() {
         for (first, last) in [(0, 630), (100, 699), (0, 2880), (0, 86_400), (-7, 6)] {
             let [from, to] = [first, last].map(|s| s * 1_000_000_000);
-            let marks = marks(from, to);
+            let marks = marks((from, to), BESIDE);
             assert_eq!(marks[0], from);
             assert!((4..=10).contains(&marks.len()), "{first} {last}: {marks:?}");
             let run = (to - from) as f64;

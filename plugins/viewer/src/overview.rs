@@ -9,8 +9,9 @@ use crate::lane::SensorLane;
 use crate::run::Run;
 use crate::state::BlockSeries;
 use errors::Errors;
-use navfuse_core::model::record::answers::{Answers, Truth, Usable};
-use navfuse_core::model::record::verdict::{Criterion, Verdict, VerdictLevel};
+use navfuse_core::model::record::answers::{Answers, Truth};
+use navfuse_core::model::record::finding::Severity;
+use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
@@ -33,17 +34,6 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
             .max_by(|x, y| x.2.total_cmp(&y.2))
     };
     error.or_else(sigma).map(|(b, k, _)| (b, k))
-}
-
-/// The words for a verdict in the title.
-pub fn level(run: &Run, verdict: &Verdict) -> &'static str {
-    words_of(verdict, &Errors::of(&run.blocks, run.simulated, run.reference))
-}
-
-fn words_of(verdict: &Verdict, errors: &Errors) -> &'static str {
-    // the truth of a simulation may contradict what the innovations do not
-    let care = errors.contradict() && verdict.answers().usable == Usable::Yes;
-    if care { VerdictLevel::Doubtful.words() } else { verdict.words() }
 }
 
 /// The page of the overview at a time; `left` is the weight that the prior of a component still has.
@@ -80,22 +70,24 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
 
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let Answers { usable, because, sigma, sigma_because, change } = verdict.answers();
-    let care = errors.contradict() && usable == Usable::Yes;
-    let _ = writeln!(page, "# {name}: {}\n", words_of(verdict, errors));
+    // the truth of a simulation may contradict what the run alone cannot find
+    let hidden = errors.contradict() && verdict.severity() <= Severity::Contained;
+    let but = if hidden { ", but the truth contradicts its sigma" } else { "" };
+    let _ = writeln!(page, "# {name}: {}{but}\n", verdict.words());
     let more = |text: &str| if text.is_empty() { String::new() } else { format!(", {text}") };
     let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
-    // the verdict and the errors are one judgement
     let sigma = match sigma {
-        Truth::True | Truth::TooLarge if errors.contradict() => "**too small at times**".to_owned(),
+        Truth::True | Truth::TooLarge if errors.contradict() => format!(
+            "**{}** by the innovations, and **too small** by the truth{}",
+            sigma.words(),
+            errors.most()
+        ),
         // the same reason once
         sigma if sigma_because == because => format!("**{}**", sigma.words()),
         sigma => format!("**{}**{}", sigma.words(), more(&sigma_because)),
     };
-    let (usable, because) = match care {
-        true => (Usable::WithCare.words(), errors.beyond()),
-        false => (usable.words(), more(&because)),
-    };
+    let (usable, because) = (usable.words(), more(&because));
     let _ =
         writeln!(page, "Usable: **{usable}**{because} · sigma: {sigma} · look at: **{about}**\n");
     for reason in &verdict.reasons {
@@ -144,7 +136,6 @@ pub fn span(from: Time, to: Time) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use navfuse_core::model::record::finding::Severity;
     use navfuse_core::model::record::verdict::Reason;
 
     fn reason(criterion: Criterion, severity: Severity, about: &str) -> Reason {

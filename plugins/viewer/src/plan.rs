@@ -7,7 +7,7 @@ use crate::track::{Extent, Place};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D};
 use re_sdk_types::blueprint::archetypes::VisualBounds2D;
-use re_sdk_types::components::{DrawOrder, Radius};
+use re_sdk_types::components::{Color, DrawOrder, Radius};
 use re_sdk_types::datatypes::Range2D;
 
 /// Number of grid lines over the longer side, about.
@@ -77,6 +77,9 @@ impl Plan {
         over: bool,
     ) -> Result<(), StreamError> {
         self.draw_grid(recording)?;
+        if !over {
+            self.draw_frame(recording)?;
+        }
         if truth.len() > 1 {
             self.draw_name(recording, compared)?;
             let line = LineStrips2D::new([truth.iter().map(|p| point(p.ned))])
@@ -133,6 +136,15 @@ impl Plan {
             .with_radii([Radius::new_ui_points(1.0)])
             .with_show_labels(true);
         recording.log_static(&path(&["plan", "named", "name"]), &name)
+    }
+
+    /// Two corners without size or colour: of a run that goes on, viewers show the box around all that is
+    /// drawn, which would cut the header at its top.
+    fn draw_frame(&self, recording: &Recording) -> Result<(), StreamError> {
+        let corners = Points2D::new([self.low, self.high])
+            .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])
+            .with_radii([Radius::new_ui_points(0.0)]);
+        recording.log_static_to_viewers(&path(&["plan", "frame"]), &corners)
     }
 
     fn draw_grid(&self, recording: &Recording) -> Result<(), StreamError> {

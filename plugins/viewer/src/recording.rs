@@ -133,7 +133,30 @@ impl Recording {
         nanos: i64,
         value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
-        for stream in &self.streams {
+        self.log_to(&self.streams, path, nanos, value)
+    }
+
+    /// Logs a value at one time to the viewers that watch, and not to the file.
+    ///
+    /// # Errors
+    /// When the value cannot be encoded.
+    pub fn log_to_viewers(
+        &self,
+        path: &EntityPath,
+        nanos: i64,
+        value: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        self.log_to(self.viewers(), path, nanos, value)
+    }
+
+    fn log_to(
+        &self,
+        streams: &[RecordingStream],
+        path: &EntityPath,
+        nanos: i64,
+        value: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        for stream in streams {
             stream.set_time(TIMELINE, TimeCell::from_duration_nanos(nanos));
             stream.log(path.clone(), value).map_err(|e| self.error(e))?;
         }

@@ -30,6 +30,9 @@ const SAME: f32 = 0.1;
 /// Least distance of two labels along the vehicle's vertical, as a share of its length: a label is 20
 /// pixels high, where the vehicle is 110 to 200 long.
 const ROW: f32 = 0.19;
+/// Greatest distance of a label from the vertical through the middle, as a share of the vehicle's length: half
+/// of what the narrowest view, that of the overview, has room for.
+const NAMES: f32 = 0.35;
 /// Greatest number of labels at the places of their sensors; that of more is a column in the middle, since
 /// from the side near and far ones would cover each other.
 const FEW: usize = 4;
@@ -192,10 +195,9 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
     recording.log_static(&body("sensors"), &sensors)?;
     let heights: Vec<f32> = places.iter().map(|k| ends[*k][2]).collect();
     let named = places.iter().zip(apart(&heights, ROW * vehicle));
-    let aside = if places.len() > FEW { 0.0 } else { 1.0 };
-    let beside = |[x, y, _]: [f32; 3], height: f32| [aside * x, aside * y, height];
+    let most = if places.len() > FEW { 0.0 } else { NAMES * vehicle };
     let named: Vec<[[f32; 3]; 2]> =
-        named.map(|(k, height)| [ends[*k], beside(ends[*k], height)]).collect();
+        named.map(|(k, height)| [ends[*k], beside(ends[*k], height, most)]).collect();
     let names = Points3D::new(named.iter().map(|pair| pair[1]))
         .with_labels(groups.iter().map(label))
         .with_colors([MARK])
@@ -216,6 +218,14 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
         .with_colors(turned.iter().flat_map(|_| AXES))
         .with_radii([Radius::new_ui_points(1.1)]);
     recording.log_static(&body("sensor_axes"), &axes)
+}
+
+/// Place of the label of a sensor, at a height, and at most so far from the vertical through the middle: a
+/// narrow view cuts labels farther out, whose sensors are in view.
+fn beside([x, y, _]: [f32; 3], height: f32, most: f32) -> [f32; 3] {
+    let out = x.hypot(y);
+    let share = if out > most { most / out } else { 1.0 };
+    [share * x, share * y, height]
 }
 
 /// Heights that are at least `row` apart and in the same order, as near to the given ones as possible:
@@ -264,6 +274,16 @@ mod tests {
         assert!(moved.iter().zip(&expected).all(near), "{moved:?}");
         assert_eq!(apart(&[0.0, 2.0, -2.0], 1.0), [0.0, 2.0, -2.0]);
         assert_eq!(apart(&[], 1.0), [0.0; 0]);
+    }
+
+    /// A wheel 0.7 lengths behind the middle has its label at half of that, in the same direction.
+    #[test]
+    fn the_label_of_a_sensor_far_out_is_nearer_to_the_middle_than_the_sensor() {
+        let [x, y, z] = beside([-0.42, 0.56, 0.1], 0.3, 0.35);
+        assert!((x + 0.21).abs() < 1e-6 && (y - 0.28).abs() < 1e-6 && z == 0.3, "{x} {y} {z}");
+        assert_eq!(beside([0.1, 0.2, 0.0], 0.0, 0.35), [0.1, 0.2, 0.0]);
+        // many labels are in a column
+        assert_eq!(beside([0.1, 0.2, 0.0], 0.4, 0.0), [0.0, 0.0, 0.4]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::bodies::Body;
 use crate::innovation::SensorSeries;
 use crate::lane::SensorLane;
-use crate::legend;
+use crate::legend::{self, Clock};
 use crate::quantity::Here;
 use crate::recording::Recording;
 use crate::rig::Mount;
@@ -42,6 +42,8 @@ pub struct Run {
     pub smoothed: bool,
     /// The component with the largest error in sigma, once the run is over.
     pub worst: Option<(usize, usize)>,
+    /// The strip of seconds.
+    pub clock: Clock,
     /// The heaviest finding of each part.
     pub findings: Vec<Finding>,
     /// The first and the last time of an epoch, ns.
@@ -78,6 +80,7 @@ impl Run {
             simulated: info.simulated,
             smoothed: info.smoothed,
             reference: info.reference.filter(|_| !info.simulated),
+            clock: Clock::default(),
             findings: Vec::new(),
             worst: None,
             span: None,
@@ -140,6 +143,7 @@ impl Run {
         let span = self.span.map(|(first, last)| (begun.fold(first, i64::min), last));
         if let Some(span) = span.filter(|(first, last)| first < last) {
             legend::write(recording, span)?;
+            self.clock.write(recording, span)?;
             self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }
         let span = self.span.unwrap_or_default();
@@ -165,6 +169,7 @@ impl Run {
     pub fn show_health(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
         let span = (self.begun.unwrap_or(now.nanos()), now.nanos());
         self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BELOW))?;
+        self.clock.show(recording, span)?;
         for sensor in &mut self.sensors {
             let lane = self.lanes.iter().find(|lane| lane.name == sensor.name);
             let health = lane.and_then(|lane| lane.lane.current()).map(|(health, _)| health);

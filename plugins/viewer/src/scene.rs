@@ -44,6 +44,19 @@ pub fn exaggerate(recording: &Recording, extent: &Extent) -> Result<(), StreamEr
     recording.log_static(&path(&["world"]), &scale)
 }
 
+/// Radius of the ball that the eye of the whole track sees while the run goes on, m.
+pub const BALL: f32 = 100.0;
+
+/// Moves and scales the track of a run that goes on into the ball that the eye sees: viewers keep the eye
+/// of the first layout, and would cut off the start of a track that grows. The views that follow a vehicle
+/// have their origin at `/world`, and show it in its size.
+fn fit(recording: &Recording, extent: &Extent) -> Result<(), StreamError> {
+    let Some((middle, radius)) = extent.ball(1.0) else { return Ok(()) };
+    let scale = BALL / radius;
+    let place = Transform3D::from_translation_scale(middle.map(|x| -scale * x), scale);
+    recording.log_static_to_viewers(&path(&["world"]), &place)
+}
+
 /// Draws the tracks so far, which replace those drawn before, and the vehicle where it is now; `over`
 /// where the run has ended.
 pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), StreamError> {
@@ -66,6 +79,8 @@ pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), Str
     if over {
         exaggerate(recording, &track.extent)?;
         draw_distances(recording, &track.extent)?;
+    } else {
+        fit(recording, &track.extent)?;
     }
     ellipses::draw(recording, track)?;
     let ship = hull(length, HULL);

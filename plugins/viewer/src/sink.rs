@@ -375,11 +375,7 @@ impl RerunSink {
             VerdictLevel::Doubtful => Level::Warning,
             VerdictLevel::DoNotUse => Level::Error,
         };
-        // the words of the overview
-        let words = self.run.as_ref().map(|run| overview::level(run, verdict));
-        let reasons = verdict.text.strip_prefix(verdict.level.words()).unwrap_or_default();
-        let text = words.map_or_else(|| verdict.to_string(), |words| format!("{words}{reasons}"));
-        let about = "verdict".to_owned();
+        let (about, text) = ("verdict".to_owned(), verdict.to_string());
         self.verdict = Some(verdict.clone());
         self.write(&Event { time, level, about, text }, time)
     }

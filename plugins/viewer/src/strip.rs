@@ -22,7 +22,7 @@ pub fn has_room(word: &str, pixels: f64) -> bool {
 }
 
 /// The state of a stretch that has the colour of a word and no word.
-fn without_word(word: &str) -> String {
+pub fn without_word(word: &str) -> String {
     format!("{word} ")
 }
 

@@ -127,6 +127,16 @@ impl Extent {
         (side >= 0.0)
             .then(|| (std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k])), side.max(1.0)))
     }
+
+    /// The middle and the radius of a ball around the box, m, whose depths are enlarged by that factor.
+    pub fn ball(&self, depth: f32) -> Option<([f32; 3], f32)> {
+        let (mut middle, side) = self.middle()?;
+        middle[2] *= depth;
+        let length = |k: usize| self.high[k] - self.low[k];
+        let sides = [length(0), length(1), depth * length(2)];
+        let diagonal = sides.map(|side| side * side).iter().sum::<f32>().sqrt();
+        Some((middle, 0.5 * diagonal.max(side)))
+    }
 }
 
 impl Motion {

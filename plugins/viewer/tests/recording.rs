@@ -11,6 +11,7 @@ mod common;
 
 use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::model::record::verdict::{Criterion, Reason, Verdict};
 use navfuse_core::model::record::{
     Derived, InputRejection, Outcome, Record, Rejection, UpdateRecord,
 };
@@ -275,6 +276,32 @@ fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities()
     let events = texts(&path, "/events", TextLog::descriptor_text().component);
     let text = "imu: channels are missing; look at its cable";
     assert!(events.iter().any(|event| event.ends_with(text)), "{events:?}");
+}
+
+/// The terminal, JSON and the pages print the same words: [`Verdict::words`].
+#[test]
+fn the_overview_and_the_last_event_have_the_words_of_the_verdict() {
+    for severity in Severity::ALL {
+        let folder = tempfile::tempdir().unwrap();
+        let mut sink = record(folder.path(), 200, false);
+        let reason = Reason {
+            criterion: Criterion::Finding,
+            severity,
+            about: "dvl".into(),
+            text: "it jumped".into(),
+            remedy: String::new(),
+        };
+        let verdict = Verdict::new(vec![reason], Vec::new());
+        sink.take(&Record::Verdict(&verdict)).unwrap();
+        sink.finish().unwrap();
+        let path = folder.path().join("run.rrd");
+        let page = texts(&path, "/overview", TextDocument::descriptor_text().component).concat();
+        let title = page.lines().next().unwrap();
+        assert!(title.contains(&format!(": {}", verdict.words())), "{title}");
+        let events = texts(&path, "/events", TextLog::descriptor_text().component);
+        let last = format!("verdict: {verdict}");
+        assert!(events.iter().any(|event| event.ends_with(&last)), "{events:?}");
+    }
 }
 
 #[test]

@@ -6,6 +6,7 @@ use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::{Document, key};
 use navfuse_core::model::chi_square::sigmas;
 use navfuse_core::model::record::Record;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{Sink, StreamError};
@@ -76,8 +77,8 @@ fn contradiction(all: &Estimate, alone: &Estimate) -> Option<String> {
     if apart.is_nan() || apart <= sigmas(0.5 * FALSE_ALARM / 4.0) {
         return None;
     }
-    let level = if apart >= FAR { VerdictLevel::DoNotUse } else { VerdictLevel::Doubtful };
-    let (words, name) = (level.words(), ["k", "roll", "pitch", "yaw"][i]);
+    let severity = if apart >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
+    let (words, name) = (severity.words(), ["k", "roll", "pitch", "yaw"][i]);
     Some(format!(
         "{words}: ekf with all sensors differs from it by {apart:.1} sigma in {name}: a sensor that \
          this method leaves out pulls the calibration; check the bias, noise and lever arm of that sensor"

@@ -28,6 +28,7 @@ pub use likeliest::likeliest;
 pub use sensitivity::{Row, Sensitivity, sensitivity};
 
 use navfuse_core::document::{Document, DocumentError};
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, Registry};
@@ -63,6 +64,9 @@ pub struct Trial {
     pub values: u64,
     /// Level of the verdict.
     pub level: VerdictLevel,
+    /// Severity of the heaviest reason of the verdict, which words it.
+    #[serde(skip)]
+    pub severity: Severity,
     /// Verdict in one line.
     pub verdict: String,
     /// Distance of the position at the end from that of the unchanged scenario, m.

@@ -236,6 +236,7 @@ impl<'a> Search<'a> {
             mean_nis,
             values,
             level: outcome.level,
+            severity: outcome.severity,
             verdict: outcome.verdict.clone(),
             moved,
             estimate: outcome.estimate.as_ref().map(words),

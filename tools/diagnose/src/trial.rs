@@ -20,6 +20,7 @@ pub(crate) struct Outcome {
     /// Scales of outliers that its innovations suggest.
     pub scales: Channels<f64>,
     pub level: VerdictLevel,
+    pub severity: Severity,
     pub verdict: String,
     /// Level of the verdict without the reference, and the part that it names first.
     pub blind: (VerdictLevel, Option<String>),
@@ -54,7 +55,8 @@ pub(crate) fn run(
     Ok(Outcome {
         densities: likelihood.densities(),
         scales: likelihood.scales(),
-        level: level(&finished),
+        level: VerdictLevel::from(severity(&finished)),
+        severity: severity(&finished),
         verdict: finished.summary.verdict.text.clone(),
         blind: blind(&finished),
         worst: finished.summary.rows.iter().filter_map(worst).max_by(f64::total_cmp),
@@ -68,11 +70,11 @@ pub(crate) fn run(
     })
 }
 
-/// The level of the verdict; a run that an error ended is not used.
-fn level(finished: &Finished) -> VerdictLevel {
+/// The severity of the heaviest reason; a run that an error ended is not used.
+fn severity(finished: &Finished) -> Severity {
     match finished.error {
-        Some(_) => VerdictLevel::DoNotUse,
-        None => finished.summary.verdict.level,
+        Some(_) => Severity::DoNotUse,
+        None => finished.summary.verdict.severity(),
     }
 }
 

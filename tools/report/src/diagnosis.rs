@@ -27,7 +27,7 @@ pub fn page(name: &str, scenario: &str, diagnosis: &Diagnosis) -> Result<String,
                     div { dt { "that do not fit" } dd { (diagnosis.unfit) } }
                 }
                 div.bad[bad(&diagnosis.unchanged)] {
-                    dt { "verdict as it is" } dd { (diagnosis.unchanged.level.words()) }
+                    dt { "verdict as it is" } dd { (diagnosis.unchanged.severity.verdict()) }
                 }
             }
             nav {
@@ -133,7 +133,7 @@ fn row(number: usize, trial: &Trial, next: Option<f64>) -> Markup {
             td { (format!("{:.0}", trial.score)) }
             td.more { @if let Some(next) = next { (format!("{:.0}", trial.score - next)) } }
             td { @if trial.mean_nis.is_finite() { (format!("{:.2}", trial.mean_nis)) } }
-            td.name { span.bad[bad(trial)] { (trial.level.words()) } }
+            td.name { span.bad[bad(trial)] { (trial.severity.verdict()) } }
             td { @if let Some(moved) = trial.moved { (metres(moved)) } }
         }
     }
@@ -185,8 +185,9 @@ fn figure(diagnosis: &Diagnosis) -> Figure {
 #[allow(clippy::expect_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use navfuse_core::model::record::finding::Severity;
 
-    fn trial(change: &str, score: f64, level: VerdictLevel) -> Trial {
+    fn trial(change: &str, score: f64, severity: Severity) -> Trial {
         Trial {
             change: change.into(),
             settings: vec![format!("sensor.{change}.noise=\"1 m\"")],
@@ -194,8 +195,9 @@ mod tests {
             score,
             mean_nis: 1.02,
             values: 800,
-            level,
-            verdict: format!("{} of {change}", level.words()),
+            level: severity.into(),
+            severity,
+            verdict: format!("{} of {change}", severity.verdict()),
             moved: Some(1.5),
             estimate: None,
             unmended: None,
@@ -203,7 +205,7 @@ mod tests {
     }
 
     fn diagnosis(trials: Vec<Trial>) -> Diagnosis {
-        let unchanged = Trial { mean_nis: 40.0, ..trial("as it is", 0.0, VerdictLevel::DoNotUse) };
+        let unchanged = Trial { mean_nis: 40.0, ..trial("as it is", 0.0, Severity::DoNotUse) };
         Diagnosis { unchanged, trials, tried: 120, unfit: 3, interrupted: false }
     }
 
@@ -216,9 +218,9 @@ mod tests {
     #[test]
     fn the_page_names_the_remedy_its_assignments_and_the_rivals_without_a_clear_margin() {
         let trials = vec![
-            trial("usbl", 300.0, VerdictLevel::DoNotUse),
-            trial("dvl", 295.0, VerdictLevel::Consistent),
-            trial("<depth>", 100.0, VerdictLevel::DoNotUse),
+            trial("usbl", 300.0, Severity::DoNotUse),
+            trial("dvl", 295.0, Severity::Note),
+            trial("<depth>", 100.0, Severity::DoNotUse),
         ];
         let page = page("dive", "name = \"dive\"", &diagnosis(trials)).expect("it is drawn");
         let result = section(&page, "result");
@@ -241,7 +243,7 @@ mod tests {
     /// less than 0.005.
     #[test]
     fn the_figure_has_the_margin_below_the_best_score_and_the_band_of_the_mean_nis() {
-        let trials = vec![trial("usbl", 300.0, VerdictLevel::DoNotUse)];
+        let trials = vec![trial("usbl", 300.0, Severity::DoNotUse)];
         let figure = figure(&diagnosis(trials));
         let [score, nis] = &figure.panels[..] else { unreachable!("two panels") };
         assert!(score.bands[0].points.iter().all(|p| p[1..] == [290.0, 300.0]), "{score:?}");

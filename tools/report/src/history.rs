@@ -154,12 +154,6 @@ impl RunHistory {
         self.blocks.iter().any(|b| b.filtered.is_some())
     }
 
-    /// Returns the word for the motion that errors are compared with: a simulation knows the truth,
-    /// and a recording has a reference, which may share sensors with the filter.
-    pub fn compared_with(&self) -> &'static str {
-        if self.seed.is_some() { "truth" } else { "reference" }
-    }
-
     /// Returns the position block.
     pub fn position(&self) -> Option<&BlockHistory> {
         self.blocks.iter().find(|b| b.geodetic)

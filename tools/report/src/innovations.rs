@@ -13,7 +13,7 @@ use std::borrow::Cow;
 /// many as a reader can resolve.
 const BINS: usize = 60;
 /// Bound over the usual one from which on an innovation is that of a wide prior, as in the viewer.
-const WIDE: f64 = 3.0;
+pub(crate) const WIDE: f64 = 3.0;
 /// Place of a mark for an innovation beyond the plot, relative to the edge.
 const EDGE: f64 = 0.97;
 /// Step of an angle that becomes a distance, deg.
@@ -90,13 +90,18 @@ fn quantity(column: &str, place: Option<&Row>) -> (String, Cow<'static, str>, f6
     (["north", "east"][axis].to_owned(), "m".into(), metres)
 }
 
+/// The usual size of sigmas or bounds: the priors, and the first ones after an outage, are wide, one in
+/// twenty.
+pub(crate) fn usual(sizes: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = sizes.filter(|size| size.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() * 19 / 20).copied()
+}
+
 /// The half range of a panel, as in the viewer: the innovations of a wide prior and outliers far away do
 /// not flatten the others.
 fn size(accepted: &[[f64; 2]], bounds: &[[f64; 2]], gated: &[[f64; 2]]) -> f64 {
-    let mut sorted: Vec<f64> = bounds.iter().map(|b| b[1]).filter(|b| b.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    // the priors, and the first samples after an outage, have wide bounds: one in twenty
-    let usual = sorted.get(sorted.len() * 19 / 20).copied();
+    let usual = usual(bounds.iter().map(|b| b[1]));
     let mut size = usual.unwrap_or(0.0);
     for (value, bound) in accepted.iter().zip(bounds) {
         if usual.is_none_or(|usual| bound[1] <= WIDE * usual) {

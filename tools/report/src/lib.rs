@@ -31,6 +31,7 @@ pub use history::{BlockHistory, RunHistory, Travelled};
 pub use log::read_log;
 pub use navfuse_core::units::thin::{Merge, ROWS, Thin};
 pub use residuals::Residuals;
+pub use results::Standard;
 pub use row::Row;
 pub use sensors::{Consistency, Envelope, Innovation, SensorHistory, Updates};
 pub use sink::Recorder;

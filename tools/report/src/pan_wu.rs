@@ -8,9 +8,9 @@
 use crate::history::{BlockHistory, RunHistory};
 use crate::page::{document, picture};
 use crate::plots::{
-    beside_truth, channel, convergence, curve, error, label, normalised_panel, over_time, profile,
-    tracks,
+    beside, channel, convergence, curve, error, label, normalised_panel, over_time, profile, tracks,
 };
+use crate::results::Standard;
 use crate::sensors::SensorHistory;
 use maud::html;
 use navfuse_figures::{Axis, Curve, Figure, FigureError, Look, Panel};
@@ -216,7 +216,9 @@ fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
 
 fn scale(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let k = block(run, "dvl.scale")?;
-    Ok([beside_truth(k, 0, 1.0), convergence(k, 0)].map(|p| named(p, "scale factor k")).into())
+    Ok([beside(k, 0, 1.0, Standard::Truth), convergence(k, 0, Standard::Truth)]
+        .map(|p| named(p, "scale factor k"))
+        .into())
 }
 
 fn misalignment(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
@@ -225,26 +227,30 @@ fn misalignment(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
 
 /// Plots estimates with the truth, and below them their convergence.
 fn estimates(block: &BlockHistory, axes: [(&str, usize, f64); 3]) -> Vec<Panel> {
-    let above = axes.map(|(name, k, sign)| named(beside_truth(block, k, sign), name));
-    above.into_iter().chain(axes.map(|(name, k, _)| named(convergence(block, k), name))).collect()
+    let above = axes.map(|(name, k, sign)| named(beside(block, k, sign, Standard::Truth), name));
+    above
+        .into_iter()
+        .chain(axes.map(|(name, k, _)| named(convergence(block, k, Standard::Truth), name)))
+        .collect()
 }
 
 fn attitude(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let attitude = block(run, "ins.attitude")?;
-    let above = ANGLES.map(|(name, k, sign)| named(error(attitude, k, sign), name));
+    let above =
+        ANGLES.map(|(name, k, sign)| named(error(attitude, k, sign, Standard::Truth), name));
     Ok(above
         .into_iter()
-        .chain(ANGLES.map(|(name, k, _)| named(convergence(attitude, k), name)))
+        .chain(ANGLES.map(|(name, k, _)| named(convergence(attitude, k, Standard::Truth), name)))
         .collect())
 }
 
 fn position(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let position = block(run, "ins.position")?;
     let axes = [("north", 0), ("east", 1)];
-    let above = axes.map(|(name, k)| named(error(position, k, 1.0), name));
+    let above = axes.map(|(name, k)| named(error(position, k, 1.0, Standard::Truth), name));
     Ok(above
         .into_iter()
-        .chain(axes.map(|(name, k)| named(convergence(position, k), name)))
+        .chain(axes.map(|(name, k)| named(convergence(position, k, Standard::Truth), name)))
         .collect())
 }
 

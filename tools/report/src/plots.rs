@@ -1,6 +1,8 @@
 //! Figures of any run.
 
 use crate::history::{BlockHistory, Row, RunHistory, displacement};
+use crate::innovations::{WIDE, usual};
+use crate::results::Standard;
 use crate::sensors::SensorHistory;
 use navfuse_core::units::Unit;
 use navfuse_core::units::sample::words;
@@ -59,8 +61,11 @@ pub(crate) fn tracks_from(position: &BlockHistory, start: &Row) -> (Places, Plac
 
 /// Plots the track on a map and its height over time; `None` without a position.
 pub fn trajectory(history: &RunHistory) -> Option<Figure> {
-    let (estimate, truth) = tracks(history.position()?);
-    let both = [("truth", Look::Truth, &truth), ("estimate", Look::Data(0), &estimate)];
+    let position = history.position()?;
+    let tracks = tracks(position);
+    let (estimate, truth) = &tracks;
+    let known = history.standard().word();
+    let both = [(known, Look::Truth, truth), ("estimate", Look::Data(0), estimate)];
     let both = || both.iter().filter(|(_, _, track)| !track.is_empty());
     let map = Panel {
         title: "track from the start".into(),
@@ -71,12 +76,17 @@ pub fn trajectory(history: &RunHistory) -> Option<Figure> {
             .collect(),
         bands: Vec::new(),
     };
-    let start = &history.position()?.first;
+    let start = &position.first;
     let zero = start.estimate.get(2)? + start.error.get(2).copied().unwrap_or_default();
     let curves = both()
         .map(|(n, look, t)| curve(n, *look, t.iter().map(|(time, p)| [*time, zero - p[2]])))
         .collect();
-    let height = over_time("height", Axis::linear("height [m]"), curves, Vec::new());
+    let axis = Axis::linear("height [m]");
+    let axis = match heights(position, &tracks) {
+        Some([low, high]) => axis.within([zero - high, zero - low]),
+        None => axis,
+    };
+    let height = over_time("height", axis, curves, Vec::new());
     Some(Figure {
         name: "trajectory".into(),
         title: String::new(),
@@ -85,31 +95,48 @@ pub fn trajectory(history: &RunHistory) -> Option<Figure> {
     })
 }
 
-/// Plots the estimate of a block against the truth. Above: a constant with its bounds of 3 sigma
+/// The range of the depths on two tracks, with a margin: the estimates of a wide prior, such as the first
+/// one, do not flatten the others.
+pub(crate) fn heights(
+    position: &BlockHistory,
+    (estimate, truth): &(Places, Places),
+) -> Option<[f64; 2]> {
+    let sigma = |row: &Row| row.sigma.get(2).copied().unwrap_or(f64::NAN);
+    let most = WIDE * usual(position.shown().map(sigma))?;
+    let settled = estimate.iter().zip(position.shown()).filter(|(_, row)| sigma(row) <= most);
+    let depths = settled.map(|(place, _)| place).chain(truth).map(|(_, place)| place[2]);
+    let start = [f64::INFINITY, f64::NEG_INFINITY];
+    let [low, high] = depths.fold(start, |[low, high], down| [low.min(down), high.max(down)]);
+    let margin = 0.04 * (high - low);
+    Some([low - margin, high + margin])
+}
+
+/// Plots the estimate of a block against the truth or the reference. Above: a constant with its bounds of 3 sigma
 /// and the truth, or the error of a block that moves. Below: sigma and error on a logarithmic
 /// scale. `None` for a fixed block.
-pub fn state(block: &BlockHistory) -> Option<Figure> {
+pub fn state(block: &BlockHistory, standard: Standard) -> Option<Figure> {
     if !block.uncertain() {
         return None;
     }
     let n = block.components.len();
     let constant = block.constant();
     let value = |k| match constant {
-        true => close(block, k, beside_truth(block, k, 1.0)),
-        false => settled(block, k, error(block, k, 1.0)),
+        true => close(block, k, beside(block, k, 1.0, standard)),
+        false => settled(block, k, error(block, k, 1.0, standard)),
     };
     // few components: two rows; one or many: the two panels of each component side by side
     let (columns, panels): (usize, Vec<Panel>) = if (2..=4).contains(&n) {
-        (n, (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
+        let below = (0..n).map(|k| convergence(block, k, standard));
+        (n, (0..n).map(value).chain(below).collect())
     } else {
-        (2, (0..n).flat_map(|k| [value(k), convergence(block, k)]).collect())
+        (2, (0..n).flat_map(|k| [value(k), convergence(block, k, standard)]).collect())
     };
     Some(Figure { name: format!("state-{}", block.name), title: String::new(), columns, panels })
 }
 
-/// Plots a component with its bounds of 3 sigma, and its truth if it is known. `sign` is -1 for an
-/// axis that is shown with the opposite sign.
-pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
+/// Plots a component with its bounds of 3 sigma, and its truth or reference if it is known. `sign` is
+/// -1 for an axis that is shown with the opposite sign.
+pub(crate) fn beside(block: &BlockHistory, k: usize, sign: f64, standard: Standard) -> Panel {
     let value = |r: &Row| sign * r.estimate[k];
     let bounds =
         block.shown().map(|r| [r.time, value(r) - 3.0 * r.sigma[k], value(r) + 3.0 * r.sigma[k]]);
@@ -118,7 +145,7 @@ pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
         vec![curve("estimate", Look::Data(0), block.shown().map(|r| [r.time, value(r)]))];
     if block.compared.is_some() {
         let truth = truth.map(|r| [r.time, value(r) - sign * r.error[k]]);
-        curves.insert(0, curve("truth", Look::Truth, truth));
+        curves.insert(0, curve(standard.word(), Look::Truth, truth));
     }
     let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
     over_time(block.component(k), Axis::linear(label("", &block.unit)), curves, bands)
@@ -156,16 +183,19 @@ pub(crate) fn close_range(block: &BlockHistory, k: usize) -> Option<[f64; 2]> {
 
 /// Plots the error of a component with its bounds of 3 sigma; without a truth, the estimate with
 /// these bounds.
-pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64) -> Panel {
+pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64, standard: Standard) -> Panel {
     if block.compared.is_none() {
-        return if block.geodetic { displaced(block, k) } else { beside_truth(block, k, sign) };
+        return match block.geodetic {
+            true => displaced(block, k),
+            false => beside(block, k, sign, standard),
+        };
     }
     let bounds = block.shown().map(|r| [r.time, -3.0 * r.sigma[k], 3.0 * r.sigma[k]]);
     let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, sign * r.error[k]]);
     let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
     let title = format!("{} {}", block.name, block.axis(k));
-    let curves = vec![curve("error", Look::Data(0), error)];
-    over_time(title, Axis::linear(label("error", &block.unit)), curves, bands)
+    let curves = vec![curve(standard.difference(), Look::Data(0), error)];
+    over_time(title, Axis::linear(label(standard.difference(), &block.unit)), curves, bands)
 }
 
 /// Restricts the panel of an error to the error and its bounds behind the first tenth of the run: a
@@ -197,12 +227,16 @@ fn displaced(block: &BlockHistory, k: usize) -> Panel {
 }
 
 /// Plots sigma and the magnitude of the error of a component on a logarithmic scale.
-pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
+pub(crate) fn convergence(block: &BlockHistory, k: usize, standard: Standard) -> Panel {
     let sigma = || block.shown().map(|r| [r.time, r.sigma[k]]);
     let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, r.error[k].abs()]);
     let mut curves = vec![curve("1-sigma", Look::Sigma, sigma())];
     if block.compared.is_some() {
-        curves.insert(0, curve("magnitude of the error", Look::Data(0), error));
+        let name = match standard {
+            Standard::Truth => "magnitude of the error",
+            Standard::Reference => "distance from the reference",
+        };
+        curves.insert(0, curve(name, Look::Data(0), error));
     }
     // the logarithm of an error near zero is unbounded: cut it off well below sigma
     let least = sigma().map(|p| p[1]).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);

@@ -2,7 +2,39 @@
 
 use crate::history::{BlockHistory, RunHistory, Travelled};
 
+/// Motion that the estimates are compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standard {
+    /// The truth, which a simulation knows.
+    Truth,
+    /// A recorded reference, which has errors of its own and may share sensors with the filter.
+    Reference,
+}
+
+impl Standard {
+    /// Returns the word for the motion.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Truth => "truth",
+            Self::Reference => "reference",
+        }
+    }
+
+    /// Returns the word for an estimate less this motion.
+    pub fn difference(self) -> &'static str {
+        match self {
+            Self::Truth => "error",
+            Self::Reference => "minus reference",
+        }
+    }
+}
+
 impl RunHistory {
+    /// Returns what the estimates are compared with.
+    pub fn standard(&self) -> Standard {
+        if self.seed.is_some() { Standard::Truth } else { Standard::Reference }
+    }
+
     /// Returns the horizontal path length, of the truth if it is known to the end, otherwise of the
     /// estimate, m.
     pub fn distance(&self) -> Option<f64> {

@@ -7,7 +7,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::Finished;
-use navfuse_report::{Recorder, RunHistory, page, read_log};
+use navfuse_report::{Recorder, RunHistory, Standard, page, plots, read_log};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -250,8 +250,8 @@ fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
     assert_eq!(spans("imu").last().map(|s| (s.word, s.times[1])), Some(("used", last)));
     assert!(spans("reference").is_empty());
     let page = page::report(&history, None).unwrap();
-    let (_, strips) = page.split_once("<svg class=\"strips\"").unwrap();
-    let strips = strips.split_once("</svg>").unwrap().0;
+    let (_, strips) = page.split_once("<div class=\"strips\"").unwrap();
+    let strips = strips.split_once("<p class=\"note\"").unwrap().0;
     assert!(strips.contains("<title>dvl: silent, 60 s to 75 s</title>"), "{strips}");
     assert!(strips.contains("<title>imu: used, "), "{strips}");
 }
@@ -275,6 +275,54 @@ fn the_errors_at_the_end_have_the_sigma_that_the_run_states_beside_them() {
     let (text, _) = text.split_once("</li>").unwrap();
     let begin = format!("<b>{ratio:.1} sigma</b>, of {} {}: ", block.name, block.axis(k));
     assert!(text.starts_with(&begin) && text.contains(" ±\u{a0}"), "{text}");
+}
+
+/// A recording has no seed: neither a legend nor an axis nor a heading of its page calls its reference the
+/// truth, or a difference from it an error.
+#[test]
+fn a_recorded_reference_is_called_the_truth_in_no_figure_and_no_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut history, _) = run(&[], folder.path());
+    let words = |history: &RunHistory| -> Vec<String> {
+        let states = history.blocks.iter();
+        let states = states.filter_map(|block| plots::state(block, history.standard()));
+        let figures = plots::trajectory(history).into_iter().chain(states);
+        let panels = figures.flat_map(|figure| figure.panels);
+        let words = panels.flat_map(|p| p.curves.into_iter().map(|c| c.name).chain([p.y.label]));
+        words.collect()
+    };
+    let names = |words: &[String], name: &str| words.iter().any(|w| w.contains(name));
+    let simulated = words(&history);
+    assert!(names(&simulated, "truth") && names(&simulated, "error"), "{simulated:?}");
+    history.seed = None;
+    assert_eq!(history.standard(), Standard::Reference);
+    let recorded = words(&history);
+    assert!(!names(&recorded, "truth") && !names(&recorded, "error"), "{recorded:?}");
+    assert!(names(&recorded, "reference"), "{recorded:?}");
+    let page = page::report(&history, None).unwrap();
+    assert!(!page.contains("<th>truth</th>") && !page.contains("<th>error"), "a heading");
+    assert!(!page.contains("Horizontal error"));
+}
+
+/// The height begins 100 m off, by one sigma of the prior, and the pressure sensor corrects it with
+/// 5 cm: the plot shows the heights and not the fall.
+#[test]
+fn the_first_height_of_a_wide_prior_does_not_flatten_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let (history, _) = run(&["process.ins.position.sigma=\"100 m\""], folder.path());
+    let figure = plots::trajectory(&history).unwrap();
+    let height = figure.panels.last().unwrap();
+    let [low, high] = height.y.limits.unwrap();
+    let estimate = height.curves.iter().find(|c| c.name == "estimate").unwrap();
+    let beyond = estimate.points.iter().filter(|p| !(low..=high).contains(&p[1])).count();
+    let first = estimate.points[0][1];
+    assert!((1..=estimate.points.len() / 20).contains(&beyond), "{beyond} beyond {low} to {high}");
+    assert!(
+        !(low..=high).contains(&first) && high - low < 0.1 * first.abs(),
+        "{low} {high} {first}"
+    );
+    let truth = height.curves.iter().find(|c| c.name == "truth").unwrap();
+    assert!(truth.points.iter().all(|p| (low..=high).contains(&p[1])));
 }
 
 #[test]

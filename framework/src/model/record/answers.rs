@@ -2,7 +2,7 @@
 //! should be changed.
 
 use crate::model::record::finding::Severity;
-use crate::model::record::verdict::{Criterion, Reason, Verdict, VerdictLevel};
+use crate::model::record::verdict::{Criterion, Reason, Verdict};
 use serde::Serialize;
 
 /// What a silence of a sensor leaves behind where the sigma has grown too little.
@@ -132,11 +132,10 @@ fn parts<'a>(reasons: impl Iterator<Item = &'a Reason>) -> Vec<&'a str> {
 impl Verdict {
     /// Answers the three questions.
     pub fn answers(&self) -> Answers {
-        let usable = match self.level {
-            VerdictLevel::Consistent => Usable::Yes,
-            VerdictLevel::Doubtful if self.contained() => Usable::Yes,
-            VerdictLevel::Doubtful => Usable::WithCare,
-            VerdictLevel::DoNotUse => Usable::No,
+        let usable = match self.severity() {
+            Severity::Note | Severity::Contained => Usable::Yes,
+            Severity::Doubtful => Usable::WithCare,
+            Severity::DoNotUse => Usable::No,
         };
         let sigma = || self.reasons.iter().filter(|r| r.doubts_sigma());
         let truth = match () {
@@ -174,14 +173,9 @@ impl Verdict {
         Answers { usable, because, sigma: truth, sigma_because, change }
     }
 
-    /// Returns `true` if every fault is contained.
-    fn contained(&self) -> bool {
-        self.reasons.iter().all(|r| r.severity <= Severity::Contained)
-    }
-
-    /// Level, and the parts that are doubted, in one line: the reasons stand elsewhere.
+    /// Words, and the parts that are doubted, in one line: the reasons stand elsewhere.
     pub fn headline(&self) -> String {
-        let (words, doubted) = (self.level.words(), self.doubted());
+        let (words, doubted) = (self.words(), self.doubted());
         if doubted.is_empty() { words.to_owned() } else { format!("{words}: {doubted}") }
     }
 
@@ -194,7 +188,7 @@ impl Verdict {
     fn because(&self) -> String {
         let doubts = || self.reasons.iter().filter(|r| r.severity > Severity::Note);
         let Some(worst) = doubts().max_by_key(|r| r.severity) else { return String::new() };
-        if self.contained() {
+        if worst.severity == Severity::Contained {
             let faults = || doubts().filter(|r| r.criterion != Criterion::Silence);
             let names = parts(faults()).join(", ");
             return match (faults().next(), doubts().find(|r| r.criterion == Criterion::Silence)) {

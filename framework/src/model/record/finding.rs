@@ -45,6 +45,17 @@ impl Severity {
         }
     }
 
+    /// Words for a verdict whose heaviest reason has this severity: the terminal, JSON, the pages, the
+    /// log and the viewer have them from here.
+    pub fn verdict(self) -> &'static str {
+        match self {
+            Self::Note => "consistent",
+            Self::Contained => "usable, with a contained fault",
+            Self::Doubtful => "doubtful",
+            Self::DoNotUse => "do not use",
+        }
+    }
+
     /// Name in a log and in JSON.
     pub fn name(self) -> &'static str {
         match self {

@@ -21,20 +21,6 @@ pub enum VerdictLevel {
     DoNotUse,
 }
 
-/// Words for a verdict whose faults are all contained.
-pub const CONTAINED: &str = "usable, with a contained fault";
-
-impl VerdictLevel {
-    /// Words for a person: `consistent`, `doubtful`, `do not use`.
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Consistent => "consistent",
-            Self::Doubtful => "doubtful",
-            Self::DoNotUse => "do not use",
-        }
-    }
-}
-
 impl From<Severity> for VerdictLevel {
     fn from(severity: Severity) -> Self {
         match severity {
@@ -133,6 +119,18 @@ pub struct SensorConsistency {
     pub inside: bool,
 }
 
+/// Severity of the heaviest reason, which the level of a log without its reasons stands for.
+fn severity(level: VerdictLevel, reasons: &[Reason]) -> Severity {
+    let contained =
+        !reasons.is_empty() && reasons.iter().all(|r| r.severity <= Severity::Contained);
+    match level {
+        VerdictLevel::Consistent => Severity::Note,
+        VerdictLevel::Doubtful if contained => Severity::Contained,
+        VerdictLevel::Doubtful => Severity::Doubtful,
+        VerdictLevel::DoNotUse => Severity::DoNotUse,
+    }
+}
+
 /// Verdict of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
@@ -159,7 +157,7 @@ impl Verdict {
             Criterion::Reference => std::cmp::Reverse((Severity::Contained, false)),
             _ => std::cmp::Reverse((reason.severity, true)),
         });
-        let mut text = level.words().to_owned();
+        let mut text = severity(level, &reasons).verdict().to_owned();
         let doubts = || reasons.iter().filter(|r| r.severity > Severity::Note);
         for (k, reason) in doubts().take(Self::IN_LINE).enumerate() {
             text += if k == 0 { ": " } else { "; " };
@@ -179,14 +177,15 @@ impl Verdict {
         Self::new(others.cloned().collect(), self.sensors.clone())
     }
 
-    /// Words of the level for a person. A verdict whose faults are all contained is no reason not to use
+    /// Severity of the heaviest reason: a verdict whose faults are all contained is no reason not to use
     /// the result.
+    pub fn severity(&self) -> Severity {
+        severity(self.level, &self.reasons)
+    }
+
+    /// Words for a person, with which [`Verdict::text`] begins; see [`Severity::verdict`].
     pub fn words(&self) -> &'static str {
-        let contained = self.reasons.iter().all(|r| r.severity <= Severity::Contained);
-        match self.level {
-            VerdictLevel::Doubtful if contained => CONTAINED,
-            level => level.words(),
-        }
+        self.severity().verdict()
     }
 
     /// NIS of the sensor of that name.
@@ -226,6 +225,20 @@ mod tests {
             (consistent.to_string().as_str(), &*consistent.headline()),
             ("consistent", "consistent")
         );
+    }
+
+    /// The line, its short form and the words are one wording for every severity.
+    #[test]
+    fn the_line_and_the_headline_begin_with_the_words_of_the_verdict() {
+        for severity in Severity::ALL {
+            let verdict = Verdict::new(vec![reason(severity, "dvl")], Vec::new());
+            assert_eq!((verdict.severity(), verdict.words()), (severity, severity.verdict()));
+            assert!(verdict.text.starts_with(verdict.words()), "{verdict}");
+            assert!(verdict.headline().starts_with(verdict.words()), "{}", verdict.headline());
+        }
+        let contained = Verdict::new(vec![reason(Severity::Contained, "gnss")], Vec::new());
+        assert_eq!(contained.headline(), "usable, with a contained fault: gnss");
+        assert_eq!(contained.text, "usable, with a contained fault: gnss: is wrong");
     }
 
     #[test]

@@ -210,7 +210,7 @@ impl Encoder<'_> {
     /// `navfuse_msgs/Verdict`.
     fn verdict(mut self, stamp: Stamp, verdict: &Verdict) {
         self.header(stamp, "");
-        self.text(verdict.level.words());
+        self.text(verdict.words());
         self.text(&verdict.text);
     }
 

@@ -69,11 +69,10 @@ impl Errors {
         self.simulated && wrong > 0 && (far || wrong as f64 > most)
     }
 
-    /// That errors were beyond their sigma, and when most: what follows an answer.
-    pub fn beyond(&self) -> String {
+    /// When the errors were farthest beyond their sigma: what follows an answer.
+    pub fn most(&self) -> String {
         let at = self.largest.first().map(|(_, _, worst)| worst.time.seconds());
-        let most = at.map_or_else(String::new, |at| format!(", most at {at:.0} s"));
-        format!(", errors were larger than their sigma{most}")
+        at.map_or_else(String::new, |at| format!(", most at {at:.0} s"))
     }
 
     /// Writes the answer.
@@ -251,6 +250,7 @@ fn write_corrected(page: &mut String, corrected: &[Corrected]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::overview::write_verdict;
     use navfuse_core::units::time::Time;
 
     fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
@@ -278,6 +278,19 @@ mod tests {
             "| dvl.lever_arm y | 0.00400 ± 0.0120 | m | 380 s |",
         ];
         assert_eq!(rows, expected);
+    }
+
+    /// The words are those of the terminal and of JSON; what the truth of a simulation adds follows them.
+    #[test]
+    fn the_title_keeps_the_words_of_the_verdict_where_the_truth_contradicts_its_sigma() {
+        let verdict = Verdict::new(Vec::new(), Vec::new());
+        let mut page = String::new();
+        write_verdict(&mut page, "dive", &verdict, &errors(true, 49, 5.1, 2));
+        let title = "# dive: consistent, but the truth contradicts its sigma\n";
+        assert!(page.starts_with(title), "{page}");
+        let answers = "Usable: **yes** · sigma: **true** by the innovations, and **too small** by the \
+                       truth, most at 0 s · look at: **nothing**";
+        assert!(page.contains(answers), "{page}");
     }
 
     /// A sigma that errors contradict is not true, although no innovation does. Of 49 states, 2

@@ -5,7 +5,6 @@ use crate::run::Run;
 use crate::state::Component;
 use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::health::Health;
-use navfuse_core::model::record::verdict::{CONTAINED, VerdictLevel};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
@@ -18,12 +17,8 @@ pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {
         let _ = writeln!(page, "# {name}: no fault found so far, at {at:.0} s\n");
         return write_now(page, run);
     };
-    let level = match severity {
-        Severity::Contained => CONTAINED,
-        severity => VerdictLevel::from(*severity).words(),
-    };
-    let since = time.seconds();
-    let _ = writeln!(page, "# {name}: {level} so far, at {at:.0} s\n");
+    let (words, since) = (severity.verdict(), time.seconds());
+    let _ = writeln!(page, "# {name}: {words} so far, at {at:.0} s\n");
     let _ = write!(page, "Since {since:.0} s: **{about}**: {text}");
     if !remedy.is_empty() {
         let _ = write!(page, "; *{remedy}*");
@@ -115,6 +110,7 @@ mod tests {
             reference: None,
             smoothed: false,
             worst: None,
+            clock: Default::default(),
             findings,
             span: None,
             begun: None,

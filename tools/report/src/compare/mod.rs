@@ -16,7 +16,8 @@ pub use keys::KeyDifference;
 use keys::differences;
 use navfuse_core::document::{Document, DocumentError};
 use navfuse_core::model::record::Level;
-use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::record::finding::Severity;
+use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_figures::Look;
 use serde::Serialize;
 
@@ -77,6 +78,9 @@ pub struct RunResult {
     pub warnings: u64,
     /// Level of the verdict; none for a log without a verdict.
     pub verdict: Option<VerdictLevel>,
+    /// Severity of the heaviest reason of the verdict, which words it.
+    #[serde(skip)]
+    pub severity: Option<Severity>,
     /// Verdict in one line.
     pub verdict_text: Option<String>,
 }
@@ -157,8 +161,8 @@ impl Comparison {
 
 impl RunResult {
     /// Words of the verdict.
-    pub(crate) fn words(&self) -> &'static str {
-        self.verdict.map_or("not judged", VerdictLevel::words)
+    pub fn words(&self) -> &'static str {
+        self.severity.map_or("not judged", Severity::verdict)
     }
 
     /// Returns `true` for a verdict that doubts the run.
@@ -182,6 +186,7 @@ impl RunResult {
             rms_error_m: horizontal.map(|(_, rms, _)| rms),
             warnings: loud,
             verdict: history.verdict.as_ref().map(|v| v.level),
+            severity: history.verdict.as_ref().map(Verdict::severity),
             verdict_text: history.verdict.as_ref().map(ToString::to_string),
         }
     }

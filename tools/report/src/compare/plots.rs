@@ -4,7 +4,7 @@ use super::apart::{SAME, difference};
 use super::{Run, between, estimated, look, title, union};
 use crate::history::{BlockHistory, Row};
 use crate::innovations::mean_nis;
-use crate::plots::{close_range, curve, label, over_time, tracks_from};
+use crate::plots::{close_range, curve, heights, label, over_time, tracks_from};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
 
 /// Length of a degree of latitude, m, near enough for the few metres of an error on a map.
@@ -63,7 +63,7 @@ pub fn tracks(runs: &[Run]) -> Vec<Track> {
                     north_east_down: *place,
                 })
             });
-            let name = run.history.compared_with().to_owned();
+            let name = run.history.standard().word().to_owned();
             let points = truth.collect();
             tracks.insert(0, Track { name, look: Look::Truth, points });
         }
@@ -82,7 +82,7 @@ fn track(runs: &[Run]) -> Option<Figure> {
         let truth = tracks.iter().find(|(.., (_, truth))| !truth.is_empty());
         let truth = truth.map(|(_, run, (_, truth))| {
             curve(
-                run.history.compared_with(),
+                run.history.standard().word(),
                 Look::Truth,
                 truth.iter().map(|(t, p)| point(*t, *p)),
             )
@@ -99,12 +99,16 @@ fn track(runs: &[Run]) -> Option<Figure> {
         curves: overlay(&|_, p| [p[1], p[0]]),
         bands: Vec::new(),
     };
-    let height = over_time(
-        "height above the start",
-        Axis::linear("up [m]"),
-        overlay(&|t, p| [t, -p[2]]),
-        Vec::new(),
-    );
+    let ranges = tracks.iter().filter_map(|(_, run, tracks)| {
+        heights(run.history.position()?, tracks).map(|[low, high]| [-high, -low])
+    });
+    let axis = Axis::linear("up [m]");
+    let axis = match ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) {
+        Some(range) => axis.within(range),
+        None => axis,
+    };
+    let up = overlay(&|t, p| [t, -p[2]]);
+    let height = over_time("height above the start", axis, up, Vec::new());
     Some(figure("trajectory".into(), "Trajectory", 2, vec![map, height]))
 }
 
@@ -149,7 +153,7 @@ fn values(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Panel {
     if model.constant() && model.compared.is_some() {
         let truth = model.shown().filter(|r| !r.error.is_empty());
         let truth = truth.map(|r| [r.time, r.estimate[k] - r.error[k]]);
-        curves.insert(0, curve(blocks[0].1.history.compared_with(), Look::Truth, truth));
+        curves.insert(0, curve(blocks[0].1.history.standard().word(), Look::Truth, truth));
     }
     let what = match (errors, model.geodetic) {
         (true, _) => "error",

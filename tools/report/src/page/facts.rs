@@ -2,6 +2,7 @@
 
 use super::tables;
 use crate::history::RunHistory;
+use crate::results::Standard;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
@@ -31,13 +32,16 @@ pub(super) fn facts(history: &RunHistory) -> Markup {
 pub(super) fn verdicts(history: &RunHistory) -> Markup {
     let worst = history.worst_error();
     let level = history.level();
+    let simulated = history.standard() == Standard::Truth;
     html! {
         @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
         (judged(history.verdict.as_ref()))
         ul {
             @if let Some((last, rms, percent)) = history.horizontal_error() {
                 @let sigma = history.horizontal_sigma();
-                li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
+                li {
+                    @if simulated { "Horizontal error " } @else { "Horizontal difference from the reference " }
+                    b { (format!("{last:.2} m")) } " at the end"
                     @if let Some(sigma) = sigma { (format!(" (stated: ± {sigma:.2} m)")) }
                     @if let Some(percent) = percent {
                         (format!(", {percent:.3} % of the distance"))
@@ -49,9 +53,9 @@ pub(super) fn verdicts(history: &RunHistory) -> Markup {
             }
             @if let Some((block, k, [error, sigma])) = worst {
                 @let ratio = (error / sigma).abs();
-                @let large = ratio > 4.0 && history.compared_with() == "truth";
+                @let large = ratio > 4.0 && simulated;
                 li.bad[large] {
-                    @if history.compared_with() == "truth" { "Largest error at the end: " }
+                    @if simulated { "Largest error at the end: " }
                     @else { "Largest difference from the reference at the end: " }
                     b { (format!("{ratio:.1} sigma")) }
                     ", of " (block.name) " " (block.axis(k)) ": "
@@ -61,13 +65,13 @@ pub(super) fn verdicts(history: &RunHistory) -> Markup {
                         "; for a consistent sigma, only one error in " (one_in(ratio))
                         " is that large"
                     }
-                    @if history.compared_with() == "reference" {
+                    @if !simulated {
                         "; the sigma leaves out the reference's own error"
                     }
                     "."
                 }
             } @else { li { "No truth is known, so no error can be computed." } }
-            @if worst.is_some() && history.compared_with() == "reference" {
+            @if worst.is_some() && !simulated {
                 li { "The reference is a recording. If it shares sensors with the filter, their "
                      "common errors do not show in these numbers." }
             }

@@ -11,7 +11,7 @@ use crate::innovations::{innovations, nis};
 use crate::{plots, quality};
 use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use navfuse_figures::{Figure, FigureError, Look, svg};
+use navfuse_figures::{Figure, FigureError, svg};
 use navfuse_observability::ObservabilityReport;
 use std::borrow::Borrow;
 
@@ -114,14 +114,6 @@ pub(crate) fn footer() -> Markup {
     }
 }
 
-/// Replaces the word for the truth in the legends of a figure.
-fn labelled(figure: &Figure, compared_with: &str) -> Figure {
-    let mut figure = figure.clone();
-    let curves = figure.panels.iter_mut().flat_map(|p| &mut p.curves);
-    curves.filter(|c| c.look == Look::Truth).for_each(|c| c.name = compared_with.into());
-    figure
-}
-
 /// Returns `true` if the page of a run has a section.
 fn has(history: &RunHistory, section: &str) -> bool {
     match section {
@@ -141,7 +133,7 @@ pub fn report(
 ) -> Result<String, FigureError> {
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
-    let compared_with = history.compared_with();
+    let standard = history.standard();
     let measuring = || {
         history
             .sensors
@@ -168,21 +160,21 @@ pub fn report(
                 (strips::strips(history))
                 (tables::findings(history))
                 h3 { "Navigation at the end" }
-                (tables::end(&moving, compared_with))
+                (tables::end(&moving, standard))
             }
             (tables::smoothing(history, SMOOTHING))
             @if let Some(figure) = plots::trajectory(history) {
                 section {
                     h2 { "Trajectory" }
-                    (picture(&labelled(&figure, compared_with), &html! {
-                        "North and east from the first position, of the " (compared_with)
+                    (picture(&figure, &html! {
+                        "North and east from the first position, of the " (standard.word())
                         " if it is known; height above the ellipsoid."
                     })?)
                 }
             }
             section #calibration {
                 h2 { "Calibration" }
-                (tables::calibration(&constant, compared_with))
+                (tables::calibration(&constant, standard))
                 p.note {
                     "Prior: the first estimate"
                     @if history.is_smoothed() { " of the filter" }
@@ -208,15 +200,15 @@ pub fn report(
             section #states {
                 h2 { "States" }
                 p.note {
-                    "Above: a constant with its bounds of 3 sigma and the " (compared_with) ", if it is known, "
-                    "near its final value; of a state that moves, the error. Below: sigma and the "
-                    "magnitude of the error over the whole run, on a logarithmic scale, which cuts "
-                    "off an error near zero."
+                    "Above: a constant with its bounds of 3 sigma and the " (standard.word()) ", if it is known, "
+                    "near its final value; of a state that moves, the estimate less the "
+                    (standard.word()) ". Below: sigma and the magnitude of that difference over the "
+                    "whole run, on a logarithmic scale, which cuts off what is near zero."
                 }
                 @for block in history.blocks.iter().filter(|b| b.uncertain()) {
-                    @if let Some(figure) = plots::state(block) {
+                    @if let Some(figure) = plots::state(block, standard) {
                         h3 { (block.name) @if !block.unit.is_empty() { " [" (block.unit) "]" } }
-                        (picture(&labelled(&figure, compared_with), &html! {})?)
+                        (picture(&figure, &html! {})?)
                     }
                 }
             }

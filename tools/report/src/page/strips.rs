@@ -5,11 +5,10 @@ use crate::health::{Span, spans};
 use crate::history::RunHistory;
 use maud::{Markup, html};
 
-/// Widths of the names and of the bars, height of a bar and of its row, page pixels.
-const NAME: f64 = 130.0;
+/// Width and height of the drawing of a bar, which the page stretches: words beside it keep their size on a
+/// narrow screen.
 const WIDTH: f64 = 840.0;
 const BAR: f64 = 16.0;
-const ROW: f64 = 24.0;
 /// Number of places of a bar: a stretch that is shorter than a place is shown as one.
 const PLACES: usize = 420;
 /// Numbers on the axis of time, about.
@@ -28,29 +27,33 @@ pub(super) fn strips(history: &RunHistory) -> Markup {
     let mut known: Vec<&Span> = bars.iter().flat_map(|(_, spans)| spans).collect();
     known.sort_by_key(|span| span.weight);
     known.dedup_by_key(|span| span.word);
-    let height = ROW * bars.len() as f64 + 20.0;
-    let x = |time: f64| NAME + WIDTH * (time - first) / (last - first);
+    let share = |time: f64| (time - first) / (last - first);
     html! {
         h3 { "Health of the sensors" }
-        svg.strips viewBox=(format!("0 0 {} {height}", NAME + WIDTH + 30.0)) role="img"
-            aria-label="health of the sensors" {
-            @for (k, (name, spans)) in bars.iter().enumerate() {
-                @let top = ROW * k as f64;
-                text x="0" y=(top + 13.0) { (name) }
-                @for span in placed(spans, [first, last]) {
-                    @let [from, to] = span.times.map(x);
-                    rect x=(format!("{from:.1}")) y=(top) width=(format!("{:.1}", to - from))
-                        height=(BAR) fill=(colour(span)) {
-                        title {
-                            (name) ": " (span.word) ", " (seconds(span.times[0].round())) " to "
-                            (seconds(span.times[1].round()))
+        div.strips role="img" aria-label="health of the sensors" {
+            @for (name, spans) in &bars {
+                div.row {
+                    span.of { (name) }
+                    svg viewBox=(format!("0 0 {WIDTH} {BAR}")) preserveAspectRatio="none" {
+                        @for span in placed(spans, [first, last]) {
+                            @let [from, to] = span.times.map(|time| WIDTH * share(time));
+                            rect x=(format!("{from:.1}")) width=(format!("{:.1}", to - from))
+                                height=(BAR) fill=(colour(span)) {
+                                title {
+                                    (name) ": " (span.word) ", " (seconds(span.times[0].round()))
+                                    " to " (seconds(span.times[1].round()))
+                                }
+                            }
                         }
                     }
                 }
             }
-            @for time in ticks([first, last]) {
-                text.tick x=(format!("{:.1}", x(time))) y=(height - 4.0) text-anchor="middle" {
-                    (seconds(time))
+            div.row {
+                span.of {}
+                span.ticks {
+                    @for time in ticks([first, last]) {
+                        span style=(format!("left: {:.2}%", 100.0 * share(time))) { (seconds(time)) }
+                    }
                 }
             }
         }

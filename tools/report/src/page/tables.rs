@@ -2,6 +2,7 @@
 
 use super::facts::seconds;
 use crate::history::{BlockHistory, Row, RunHistory};
+use crate::results::Standard;
 use crate::sensors::SensorHistory;
 use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
@@ -31,13 +32,23 @@ pub(crate) fn number(value: f64, sigma: f64) -> String {
 
 /// Creates the cells of an error and of its ratio to sigma, which is marked where it is large. A recorded
 /// reference has an error of its own, and marks nothing.
-fn judged(error: Option<(f64, f64)>, compared_with: &str) -> Markup {
+fn judged(error: Option<(f64, f64)>, standard: Standard) -> Markup {
     let ratio = error.filter(|e| e.1 > 0.0).map(|(error, sigma)| error / sigma);
-    let bad = ratio.is_some_and(|r| r.abs() > 3.0) && compared_with == "truth";
+    let bad = ratio.is_some_and(|r| r.abs() > 3.0) && standard == Standard::Truth;
     html! {
         td { @if let Some((error, sigma)) = error { (number(error, sigma)) } }
         td.bad[bad] {
             @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
+        }
+    }
+}
+
+/// Creates the heading of the ratio of a difference to its sigma.
+fn over_sigma(standard: Standard) -> Markup {
+    html! {
+        th {
+            @if standard == Standard::Truth { "error/" } @else { "difference/" }
+            wbr; "sigma"
         }
     }
 }
@@ -50,13 +61,12 @@ fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
 }
 
 /// Creates the table of the states that move, at the end.
-pub(super) fn end(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
-    let error = if compared_with == "truth" { "error" } else { "minus reference" };
+pub(super) fn end(blocks: &[&BlockHistory], standard: Standard) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { (error) }
-                th { "error/" wbr; "sigma" } th.name { "unit" }
+                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { (standard.difference()) }
+                (over_sigma(standard)) th.name { "unit" }
             } }
             tbody {
                 @for block in blocks {
@@ -71,7 +81,7 @@ pub(super) fn end(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
                             td {
                                 @if block.uncertain() { (number(sigma, sigma)) } @else { "fixed" }
                             }
-                            (judged(last_error(block, k), compared_with))
+                            (judged(last_error(block, k), standard))
                             td.name { (block.unit) }
                         }
                     }
@@ -83,11 +93,11 @@ pub(super) fn end(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
 
 /// Creates the table of the constant states: the prior and the result, of the filter and of the
 /// smoother where the run is smoothed.
-pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
+pub(super) fn calibration(blocks: &[&BlockHistory], standard: Standard) -> Markup {
     // those that are held fixed stand below the table
     let listed = blocks.iter().copied().filter(|b| b.uncertain() || b.corrected.is_some());
     let blocks: Vec<&BlockHistory> = listed.collect();
-    let with_truth = blocks.iter().any(|b| b.compared.is_some());
+    let compared = blocks.iter().any(|b| b.compared.is_some());
     let smoothed = blocks.iter().any(|b| b.filtered.is_some());
     html! {
         @if blocks.is_empty() { p { "No state is constant in this run." } } @else {
@@ -95,7 +105,9 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                 thead { tr {
                     th { "state" } th {} th { "prior" }
                     @if smoothed { th { "filter" } th { "smoothed" } } @else { th { "result" } }
-                    @if with_truth { th { (compared_with) } th { "error" } th { "error/" wbr; "sigma" } }
+                    @if compared {
+                        th { (standard.word()) } th { (standard.difference()) } (over_sigma(standard))
+                    }
                     th { "remaining" wbr; " sigma" } th.name { "unit" }
                 } }
                 tbody {
@@ -122,13 +134,13 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                                         }
                                     }
                                 }
-                                @if with_truth {
+                                @if compared {
                                     td {
                                         @if let Some((e, s)) = error {
                                             (number(result.estimate[k] - e, s))
                                         }
                                     }
-                                    (judged(error, compared_with))
+                                    (judged(error, standard))
                                 }
                                 td {
                                     @if block.uncertain() && prior.sigma[k] > 0.0 {
