@@ -35,10 +35,15 @@ saved!(TrueState { state } each { known } except { wandering, moving, next });
 struct Wandering {
     slot: usize,
     random: Random,
-    /// Values at the previous and the next draw, and the mean of a Gauss-Markov process.
+    /// Values at the previous and the next draw, the change between them, and the mean of a
+    /// Gauss-Markov process.
     before: Vec<f64>,
     after: Vec<f64>,
+    change: Vec<f64>,
     mean: Vec<f64>,
+    /// Share of the deviation from the mean that a step takes off, and sigma of each draw.
+    decay: f64,
+    spread: Vec<f64>,
 }
 
 impl TrueState {
@@ -51,12 +56,16 @@ impl TrueState {
             layout.blocks.iter().enumerate().filter(|(_, b)| own(b)).map(|(slot, block)| {
                 let random = Random::new(seed, &format!("truth of {}", block.name));
                 let now = state.values[block.range()].to_vec();
+                let (decay, spread) = of_step(&block.spec.dynamics, STEP.seconds());
                 Wandering {
                     slot,
                     random,
                     before: now.clone(),
                     after: now,
+                    change: vec![0.0; block.operations.tangent],
                     mean: initial.values[block.range()].to_vec(),
+                    decay,
+                    spread,
                 }
             });
         let next = if start == Time::MIN { Time::default() } else { start };
@@ -86,7 +95,7 @@ impl TrueState {
             return;
         }
         while self.next < to {
-            self.wandering.iter_mut().for_each(|w| w.step(&layout.blocks[w.slot], STEP.seconds()));
+            self.wandering.iter_mut().for_each(|w| w.step(&layout.blocks[w.slot]));
             for moving in &mut self.moving {
                 moving.step(layout, &self.wandering, STEP.seconds());
             }
@@ -94,7 +103,7 @@ impl TrueState {
         }
         let part = (1.0 - self.next.since(to) / STEP.seconds()).max(0.0);
         for w in &self.wandering {
-            between(&layout.blocks[w.slot], [&w.before, &w.after], part, &mut self.state);
+            along(&layout.blocks[w.slot], &w.before, &w.change, part, &mut self.state);
         }
         for m in &self.moving {
             for block in m.slots.iter().map(|slot| &layout.blocks[*slot]) {
@@ -107,10 +116,17 @@ impl TrueState {
 
 /// Sets a block to the value between two, a `part` of the way along the manifold.
 fn between(block: &Block, [before, after]: [&[f64]; 2], part: f64, state: &mut State) {
+    let mut change = [0.0; MAX_TANGENT];
+    let change = &mut change[..block.operations.tangent];
+    (block.operations.local)(after, before, change);
+    along(block, before, change, part, state);
+}
+
+/// Sets a block to a value moved by a `part` of a change along the manifold.
+fn along(block: &Block, before: &[f64], change: &[f64], part: f64, state: &mut State) {
     let mut delta = [0.0; MAX_TANGENT];
-    let delta = &mut delta[..block.operations.tangent];
-    (block.operations.local)(after, before, delta);
-    delta.iter_mut().for_each(|d| *d *= part);
+    let delta = &mut delta[..change.len()];
+    delta.iter_mut().zip(change).for_each(|(delta, change)| *delta = change * part);
     let value = &mut state.values[block.range()];
     value.copy_from_slice(before);
     (block.operations.retract)(value, delta);
@@ -192,28 +208,33 @@ pub(crate) fn settle(
     }
 }
 
+/// Share of the deviation from the mean that a step of `dt` seconds takes off, and the sigma of
+/// each of its draws.
+fn of_step(dynamics: &Dynamics, dt: f64) -> (f64, Vec<f64>) {
+    match dynamics {
+        Dynamics::Constant => (0.0, Vec::new()),
+        Dynamics::RandomWalk(density) => (0.0, density.iter().map(|q| (q * dt).sqrt()).collect()),
+        Dynamics::GaussMarkov { sigma, time } => {
+            let spread = (-(-2.0 * dt / time).exp_m1()).sqrt();
+            ((-dt / time).exp_m1(), sigma.iter().map(|s| s * spread).collect())
+        }
+    }
+}
+
 impl Wandering {
-    fn step(&mut self, block: &Block, dt: f64) {
-        self.before.copy_from_slice(&self.after);
+    fn step(&mut self, block: &Block) {
+        let Self { random, before, after, change, mean, decay, spread, .. } = self;
+        before.copy_from_slice(after);
         let mut delta = [0.0; MAX_TANGENT];
         let delta = &mut delta[..block.operations.tangent];
-        match &block.spec.dynamics {
-            Dynamics::Constant => return,
-            Dynamics::RandomWalk(density) => {
-                for (d, q) in delta.iter_mut().zip(density) {
-                    *d = (q * dt).sqrt() * self.random.normal();
-                }
-            }
-            Dynamics::GaussMarkov { sigma, time } => {
-                (block.operations.local)(&self.after, &self.mean, delta);
-                let decay = (-dt / time).exp_m1();
-                let spread = (-(-2.0 * dt / time).exp_m1()).sqrt();
-                for (d, s) in delta.iter_mut().zip(sigma) {
-                    *d = *d * decay + s * spread * self.random.normal();
-                }
-            }
+        if let Dynamics::GaussMarkov { .. } = block.spec.dynamics {
+            (block.operations.local)(after, mean, delta);
         }
-        (block.operations.retract)(&mut self.after, delta);
+        for (d, spread) in delta.iter_mut().zip(spread) {
+            *d = *d * *decay + *spread * random.normal();
+        }
+        (block.operations.retract)(after, delta);
+        (block.operations.local)(after, before, change);
     }
 }
 

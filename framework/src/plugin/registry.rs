@@ -19,6 +19,7 @@ use crate::plugin::{
 };
 use crate::units::sample::Channel;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::any::{Any, TypeId};
 use std::collections::BTreeMap;
@@ -143,7 +144,7 @@ impl Registry {
             Ok(BuiltSensor { channels, limits: Vec::new(), role })
         });
         let make = Make::Sensor { make, input: false };
-        self.insert_with(Kind::Sensor, name.into(), make, move || schema.clone());
+        self.insert_with(Kind::Sensor, name.into(), make, (|| true, move || schema.clone()));
     }
 
     /// Registers a type of sensor that drives processes, whose name and channels are known at run
@@ -161,7 +162,7 @@ impl Registry {
             Ok(BuiltSensor { channels: channels.clone(), limits: Vec::new(), role })
         });
         let make = Make::Sensor { make, input: true };
-        self.insert_with(Kind::Sensor, name.into(), make, move || schema.clone());
+        self.insert_with(Kind::Sensor, name.into(), make, (|| true, move || schema.clone()));
     }
 
     /// Registers a type of process model whose name and keys are known at run time only, as
@@ -177,7 +178,7 @@ impl Registry {
             Ok(build(&keys.table(node)?, composer).map_err(|e| e.at(node))?)
         });
         let make = Make::Process { make, beside: false };
-        self.insert_with(Kind::Process, name.into(), make, move || schema.clone());
+        self.insert_with(Kind::Process, name.into(), make, (|| true, move || schema.clone()));
     }
 
     /// Registers a type of process model.
@@ -232,20 +233,31 @@ impl Registry {
         self.estimators.iter()
     }
 
-    pub(super) fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
+    pub(super) fn insert<T: DeserializeOwned + JsonSchema + 'static>(
+        &mut self,
+        kind: Kind,
+        name: &'static str,
+        make: Make,
+    ) {
         let schema = || SchemaGenerator::default().into_root_schema_for::<T>();
-        self.insert_with(kind, name.into(), make, schema);
+        self.insert_with(kind, name.into(), make, (simulation_keys::may_extend::<T>, schema));
     }
 
+    /// `extends` answers whether the type may have keys in the table `simulation`: only then its schema has to
+    /// be made for a run.
     fn insert_with(
         &mut self,
         kind: Kind,
         name: Arc<str>,
         make: Make,
-        schema: impl Fn() -> Schema + Clone + Send + 'static,
+        (extends, schema): (
+            impl FnOnce() -> bool + Send + 'static,
+            impl Fn() -> Schema + Clone + Send + 'static,
+        ),
     ) {
         let again = schema.clone();
-        let simulation_keys = move || simulation_keys::own(again().as_value());
+        let simulation_keys =
+            move || if extends() { simulation_keys::own(again().as_value()) } else { Vec::new() };
         let owner = self.members.current();
         self.entries.entry((kind, Arc::clone(&name))).or_default().push(Entry {
             kind,

@@ -66,13 +66,7 @@ impl Compared {
         self.interval = self.time.replace(time).map_or(0.0, |before| time.since(before));
         self.value.copy_from_slice(&epoch.state.values[block.range()]);
         self.truth.copy_from_slice(truth);
-        let own = block.tangent_range();
-        for i in 0..own.len() {
-            for j in 0..=i {
-                let value = epoch.covariance.get(own.start + i, own.start + j);
-                self.covariance.set(i, j, value);
-            }
-        }
+        self.covariance.copy_block(epoch.covariance, block.tangent_range());
     }
 
     /// Forgets a comparison of another time.

@@ -1,5 +1,6 @@
 //! Trajectory types of plugins: velocity and attitude as one function of time.
 
+use crate::cursor::Nodes;
 use crate::phase::{Motion, Piece, rate_of};
 use crate::segment::MAX_SPEED;
 use crate::source::simulate;
@@ -229,6 +230,6 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
             piece
         };
         let pieces = ends.into_iter().enumerate().map(stretch).collect();
-        Ok(Self { origin, pieces, wanders: false })
+        Ok(Self { origin, pieces, wanders: false, nodes: Nodes::default() })
     }
 }

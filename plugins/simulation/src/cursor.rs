@@ -6,6 +6,7 @@ use crate::trajectory::Trajectory;
 use nalgebra::{UnitQuaternion, Vector3, Vector5};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Step of the grid on which the position is integrated, s. A power of two, so that its nodes are
 /// exact.
@@ -61,6 +62,51 @@ struct Node {
     rate: Path,
 }
 
+/// Number of nodes that cursors share: 8 s, since the sensors of a vehicle are read in the order of time.
+const SHARED: usize = 64;
+
+/// The last nodes that a cursor of the trajectory has computed, with their numbers: all cursors compute the
+/// same, and one for each sensor follows the path.
+#[derive(Clone, Debug)]
+pub(crate) struct Nodes(Arc<Mutex<[Option<(u64, Node)>; SHARED]>>);
+
+impl Default for Nodes {
+    fn default() -> Self {
+        Self(Arc::new(Mutex::new([None; SHARED])))
+    }
+}
+
+impl PartialEq for Nodes {
+    /// The nodes of equal trajectories are equal.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Nodes {
+    fn place(number: u64) -> usize {
+        (number % SHARED as u64) as usize
+    }
+
+    fn get(&self, number: u64) -> Option<Node> {
+        let nodes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        nodes[Self::place(number)].filter(|node| node.0 == number).map(|node| node.1)
+    }
+
+    fn put(&self, number: u64, node: Node) {
+        let mut nodes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        nodes[Self::place(number)] = Some((number, node));
+    }
+}
+
+/// The readings of a vehicle at rest: angular rate (rad/s) and specific force (m/s^2) in the body.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    piece: usize,
+    rate: Vector3<f64>,
+    force: Vector3<f64>,
+}
+
 /// Reads a trajectory forwards, in constant memory and without allocating.
 ///
 /// Velocity, attitude and their derivatives are closed forms of time. The position is their
@@ -76,6 +122,8 @@ pub struct Cursor<P: Piece = Phase> {
     cell: u64,
     from: Node,
     to: Node,
+    /// Readings in the present piece, where the vehicle is at rest in it.
+    rest: Option<Rest>,
 }
 
 impl<P: Piece> Clone for Cursor<P> {
@@ -93,7 +141,7 @@ impl<P: Piece> Cursor<P> {
             Path::new(o.latitude, o.longitude, o.height, 0.0, 0.0)
         };
         let node = Node { path, rate: Path::zeros() };
-        let mut cursor = Self { trajectory, piece: 0, cell: 0, from: node, to: node };
+        let mut cursor = Self { trajectory, piece: 0, cell: 0, from: node, to: node, rest: None };
         cursor.from.rate = cursor.rate(0.0, &path);
         cursor.to = cursor.step();
         cursor
@@ -170,22 +218,37 @@ impl<P: Piece> Cursor<P> {
             // Only a piece is smooth, so no quadrature crosses its end.
             let end = to.min(t + QUADRATURE).min(self.seek(t).span().1);
             let (length, middle) = (end - t, t + 0.5 * (end - t));
+            if let Some(Rest { rate, force, .. }) = self.rest.filter(|r| r.piece == self.piece) {
+                angle += rate * length;
+                velocity += force * length;
+                t = end;
+                continue;
+            }
             // Latitude and height change by at most 1e-7 rad and 1 m, so their effect is linear,
             // and its mean is the effect at the middle.
             let path = self.path(middle);
             let carried = self.trajectory.wanders.then(|| self.place(&path));
             let earth = LocalEarth::at(path.x, path.z);
             let phase = self.seek(t);
-            let points = if phase.is_steady() { &CONSTANT[..] } else { &GAUSS[..] };
+            let steady = phase.is_steady();
+            let points = if steady { &CONSTANT[..] } else { &GAUSS[..] };
+            let mut rest = None;
             for &(place, weight) in points {
                 let motion = phase.motion(middle + place * length);
                 let (rate, force) = match &carried {
                     Some(place) => place.inertial(&motion),
                     None => inertial(&motion, &earth),
                 };
-                angle += (motion.w_nb_b + motion.c_b_n.tr_mul(&rate)) * (weight * length);
-                velocity += motion.c_b_n.tr_mul(&force) * (weight * length);
+                let (rate, force) =
+                    (motion.w_nb_b + motion.c_b_n.tr_mul(&rate), motion.c_b_n.tr_mul(&force));
+                angle += rate * (weight * length);
+                velocity += force * (weight * length);
+                // a vehicle at rest stays where it is: nothing in these readings changes
+                if steady && motion.velocity == Vector3::zeros() {
+                    rest = Some((rate, force));
+                }
             }
+            self.rest = rest.map(|(rate, force)| Rest { piece: self.piece, rate, force });
             t = end;
         }
         (angle, velocity)
@@ -219,12 +282,22 @@ impl<P: Piece> Cursor<P> {
         while self.cell < cell {
             self.cell += 1;
             self.from = self.to;
-            self.to = self.step();
+            self.to = self.next_node();
         }
         let x = time / GRID - cell as f64;
         let (a, b) = (self.from.rate * GRID, self.to.rate * GRID);
         let d = self.to.path - self.from.path;
         self.from.path + (a + ((d * 3.0 - a * 2.0 - b) + (a + b - d * 2.0) * x) * x) * x
+    }
+
+    /// The node after `from`, which another cursor may have computed.
+    fn next_node(&mut self) -> Node {
+        if let Some(node) = self.trajectory.nodes.get(self.cell + 1) {
+            return node;
+        }
+        let node = self.step();
+        self.trajectory.nodes.put(self.cell + 1, node);
+        node
     }
 
     /// Integrates from `from` to the next node.

@@ -354,7 +354,10 @@ impl<P: Piece> Source for SensorStream<P> {
                 Some(lag) => (from - lag, to - lag),
                 None => (from, to),
             };
-            self.truth.advance(&self.layout, to);
+            // a reference reads the motion alone
+            if !matches!(self.kind, Simulated::Reference(_)) {
+                self.truth.advance(&self.layout, to);
+            }
             if let Simulated::Driving(simulator) = &self.kind {
                 let (layout, truth) = (&*self.layout, &self.truth.state);
                 let (noise, random) = (self.faults.noise.value().si(), &mut self.random);

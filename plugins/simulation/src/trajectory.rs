@@ -1,6 +1,6 @@
 //! A trajectory from a table of motion segments (as Pan & Wu 2016, Table 1).
 
-use crate::cursor::Cursor;
+use crate::cursor::{Cursor, Nodes};
 use crate::error::TrajectoryError;
 use crate::phase::{Phase, Piece, Pose};
 use crate::segment::{MAX_SPEED, SegmentConfig};
@@ -103,11 +103,13 @@ pub struct Trajectory<P: Piece = Phase> {
     pub(crate) pieces: Arc<[P]>,
     /// Set if the motion is in axes that are carried along.
     pub(crate) wanders: bool,
+    /// Nodes of the path that its cursors share.
+    pub(crate) nodes: Nodes,
 }
 
 impl<P: Piece> Clone for Trajectory<P> {
     fn clone(&self) -> Self {
-        Self { pieces: Arc::clone(&self.pieces), ..*self }
+        Self { pieces: Arc::clone(&self.pieces), nodes: self.nodes.clone(), ..*self }
     }
 }
 
@@ -158,7 +160,7 @@ impl Trajectory {
         if phases.is_empty() {
             return Err(TrajectoryError::Empty);
         }
-        Ok(Self { origin, pieces: phases.into(), wanders })
+        Ok(Self { origin, pieces: phases.into(), wanders, nodes: Nodes::default() })
     }
 }
 

@@ -287,6 +287,8 @@ fn values_depend_on_the_time_alone() {
         let here = dense.at(time);
         if (time as u32).is_multiple_of(400) {
             assert_eq!(here, t.cursor().at(time));
+            // one that shares no node of the path with the others
+            assert_eq!(here, paper().cursor().at(time));
         }
     }
     let last = dense.at(2060.0);
@@ -294,6 +296,22 @@ fn values_depend_on_the_time_alone() {
     assert_eq!(dense.at(2060.0), last);
     assert_eq!(dense.at(f64::INFINITY), last);
     assert_eq!(dense.at(f64::NAN).time, 0.0);
+}
+
+/// A cursor that has read the vehicle at rest before returns the same bits as one that begins there.
+#[test]
+fn readings_at_rest_depend_on_their_length_alone() {
+    let t = paper();
+    let mut cursor = t.cursor();
+    for (from, to) in [(0.0, 0.01), (0.01, 0.03), (300.0, 300.125), (599.9, 599.95)] {
+        assert_eq!(cursor.increments(from, to), t.cursor().increments(from, to), "{from} s");
+    }
+    // the motion begins within the interval
+    let across = cursor.increments(599.99, 600.05);
+    assert_eq!(across, paper().cursor().increments(599.99, 600.05));
+    let moving = cursor.increments(630.0, 630.01);
+    assert_eq!(moving, paper().cursor().increments(630.0, 630.01));
+    assert_ne!(moving, t.cursor().increments(300.0, 300.01));
 }
 
 #[test]

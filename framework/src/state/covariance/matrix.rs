@@ -63,6 +63,14 @@ impl Covariance {
         self.p[j * self.stride + i] = value;
     }
 
+    /// Copies the block of these states, which are all states of this one, from the covariance of all.
+    pub(crate) fn copy_block(&mut self, all: &Self, states: Range<usize>) {
+        let from = all.p[states.start * all.stride..].chunks(all.stride);
+        for (to, from) in self.p.chunks_exact_mut(self.stride).zip(from).take(states.len()) {
+            to[..states.len()].copy_from_slice(&from[states.clone()]);
+        }
+    }
+
     /// The 1-sigma of the error state `i`.
     pub fn sigma(&self, i: usize) -> f64 {
         standard_deviation(self.get(i, i))
@@ -101,14 +109,13 @@ impl Covariance {
             3 => self.transform_rows(range.start, 3, g),
             w => self.transform_rows(range.start, w, g),
         }
-        self.symmetrise_rows(range);
     }
 
     #[inline(always)]
     fn transform_rows(&mut self, first: usize, w: usize, g: &[f64]) {
         const LANES: usize = 4;
         let stride = self.stride;
-        let (range, rows) = (first..first + w, &mut self.p[first * stride..][..w * stride]);
+        let rows = &mut self.p[first * stride..][..w * stride];
         for at in (0..stride).step_by(LANES) {
             let mut old = [[0.0; LANES]; MAX_TANGENT];
             for (old, row) in old[..w].iter_mut().zip(rows.chunks_exact(stride)) {
@@ -122,30 +129,50 @@ impl Covariance {
                 row[at..at + LANES].copy_from_slice(&sum);
             }
         }
-        for row in self.p.chunks_exact_mut(stride) {
-            let row = &mut row[range.clone()];
+        for row in rows.chunks_exact_mut(stride) {
+            let row = &mut row[first..first + w];
             let mut column = [0.0; MAX_TANGENT];
             for (c, g) in column[..w].iter_mut().zip(g.chunks_exact(w)) {
                 *c = g.iter().zip(&*row).map(|(g, p)| g * p).sum();
             }
             row.copy_from_slice(&column[..w]);
         }
+        self.mirror_rows(first, w);
+    }
+
+    /// Copies rows to their columns, and makes the block on the diagonal symmetric.
+    #[inline(always)]
+    fn mirror_rows(&mut self, first: usize, w: usize) {
+        (first..first + w).for_each(|i| self.symmetrise_row(i, first..i));
+        let stride = self.stride;
+        let (before, rest) = self.p.split_at_mut(first * stride);
+        let (own, after) = rest.split_at_mut(w * stride);
+        let others = before.chunks_exact_mut(stride).enumerate();
+        for (j, row) in others.chain((first + w..).zip(after.chunks_exact_mut(stride))) {
+            for (p, own) in row[first..first + w].iter_mut().zip(own.chunks_exact(stride)) {
+                *p = own[j];
+            }
+        }
     }
 
     /// `P = G P G'`, where `G` is the identity except for `g` in three rows of column `k`, which is
     /// none of them.
     pub(crate) fn shear(&mut self, rows: Range<usize>, k: usize, g: &nalgebra::Vector3<f64>) {
-        let stride = self.stride;
+        let (stride, first) = (self.stride, rows.start);
         for (row, g) in rows.clone().zip(g) {
-            for j in 0..self.n {
-                self.p[row * stride + j] += g * self.p[k * stride + j];
-            }
+            let Ok([to, by]) = self
+                .p
+                .get_disjoint_mut([row * stride..(row + 1) * stride, k * stride..(k + 1) * stride])
+            else {
+                continue;
+            };
+            to.iter_mut().zip(by).for_each(|(to, by)| *to += g * *by);
         }
-        for row in self.p.chunks_exact_mut(stride) {
+        for row in self.p[first * stride..][..3 * stride].chunks_exact_mut(stride) {
             let by = row[k];
-            row[rows.clone()].iter_mut().zip(g).for_each(|(p, g)| *p += g * by);
+            row[first..first + 3].iter_mut().zip(g).for_each(|(p, g)| *p += g * by);
         }
-        self.symmetrise_rows(rows);
+        self.mirror_rows(first, 3);
     }
 
     /// `X = G' X G` with the `G` of [`Self::shear`].
@@ -268,4 +295,49 @@ impl Covariance {
 /// NaN, so that no unknown sigma is shown as a perfect one.
 pub fn standard_deviation(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance.sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A definite matrix without order: `A A' + I`.
+    fn definite(n: usize) -> DMatrix<f64> {
+        let next = |i: usize, j: usize| ((i * 7919 + j * 104_729) % 1009) as f64 / 1009.0 - 0.5;
+        let a = DMatrix::from_fn(n, n, next);
+        &a * a.transpose() + DMatrix::identity(n, n)
+    }
+
+    fn covariance(dense: &DMatrix<f64>) -> Covariance {
+        let mut p = Covariance::zero(dense.nrows());
+        (0..p.n).for_each(|i| (0..=i).for_each(|j| p.set(i, j, dense[(i, j)])));
+        p
+    }
+
+    /// Blocks of one to four states at the begin, in the middle and at the end, with padding and without.
+    #[test]
+    fn a_transform_is_that_of_dense_matrices_and_leaves_a_symmetric_one() {
+        for (n, range) in [(9, 3..6), (9, 6..9), (8, 0..3), (12, 5..6), (13, 9..13), (5, 1..3)] {
+            let (p, w) = (definite(n), range.len());
+            let g: Vec<f64> = (0..w * w).map(|k| ((k * 37 + 5) % 11) as f64 / 11.0 - 0.4).collect();
+            let mut whole = DMatrix::identity(n, n);
+            let block = DMatrix::from_row_slice(w, w, &g);
+            whole.view_mut((range.start, range.start), (w, w)).copy_from(&block);
+            let mut found = covariance(&p);
+            found.transform(range.clone(), &g);
+            let dense = found.to_dense();
+            assert_eq!(dense, dense.transpose(), "{n} {range:?}");
+            // sums of up to 16 products of numbers of up to 10
+            assert!((dense - &whole * &p * whole.transpose()).amax() < 1e-13, "{n} {range:?}");
+        }
+    }
+
+    #[test]
+    fn a_block_is_copied_from_the_covariance_of_all() {
+        let all = covariance(&definite(9));
+        let mut own = Covariance::zero(3);
+        own.copy_block(&all, 6..9);
+        assert_eq!(own.to_dense(), all.to_dense().view((6, 6), (3, 3)));
+        Covariance::zero(0).copy_block(&all, 0..0);
+    }
 }

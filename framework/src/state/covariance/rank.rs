@@ -137,15 +137,15 @@ impl Update {
         let Self { columns, ht, r, hp, kt, work, reached, .. } = self;
         let wide = m.next_multiple_of(LANES);
         // R, K and A H' - K R, with padded rows
-        work.clear();
         work.resize((m + 2 * n) * wide, 0.0);
         let (rt, rest) = work.split_at_mut(m * wide);
         let (k, d) = rest.split_at_mut(n * wide);
+        rt.fill(0.0);
         for (to, from) in rt.chunks_exact_mut(wide.max(1)).zip(r.chunks_exact(m.max(1))) {
             to[..m].copy_from_slice(from);
         }
         for (a, kt) in kt.chunks_exact(stride).enumerate() {
-            k.iter_mut().skip(a).step_by(wide).zip(kt).for_each(|(k, kt)| *k = *kt);
+            k.chunks_exact_mut(wide).zip(kt).for_each(|(k, kt)| k[a] = *kt);
         }
         subtract(simd, covariance, k, m, hp, reached);
         for i in rows(reached, n) {
@@ -191,14 +191,27 @@ fn substitute<S: Simd>(
 #[inline(always)]
 fn dots<S: Simd>(simd: S, ht: &[f64], columns: &[usize], row: &[f64], out: &mut [f64]) {
     let (ht, out) = (S::as_simd_f64s(ht).0, S::as_mut_simd_f64s(out).0);
+    let (pairs, last) = columns.as_chunks::<2>();
+    // two sums, so that one is added to while the other waits
+    if let [out] = out {
+        let (mut even, mut odd) = (simd.splat_f64s(-0.0), simd.splat_f64s(-0.0));
+        let (of_pairs, of_last) = ht.as_chunks::<2>();
+        for ([i, j], [of_i, of_j]) in pairs.iter().zip(of_pairs) {
+            even = simd.add_f64s(even, simd.mul_f64s(*of_i, simd.splat_f64s(row[*i])));
+            odd = simd.add_f64s(odd, simd.mul_f64s(*of_j, simd.splat_f64s(row[*j])));
+        }
+        for (column, h) in last.iter().zip(of_last) {
+            even = simd.add_f64s(even, simd.mul_f64s(*h, simd.splat_f64s(row[*column])));
+        }
+        *out = simd.add_f64s(even, odd);
+        return;
+    }
     let width = out.len();
     for (a, out) in out.iter_mut().enumerate() {
         let term = |k: usize, column: usize| {
             simd.mul_f64s(ht[k * width + a], simd.splat_f64s(row[column]))
         };
-        // two sums, so that one is added to while the other waits
         let (mut even, mut odd) = (simd.splat_f64s(-0.0), simd.splat_f64s(-0.0));
-        let (pairs, last) = columns.as_chunks::<2>();
         for (k, &[i, j]) in pairs.iter().enumerate() {
             even = simd.add_f64s(even, term(2 * k, i));
             odd = simd.add_f64s(odd, term(2 * k + 1, j));
@@ -256,17 +269,23 @@ fn less<S: Simd, const M: usize>(
     columns: &Range<usize>,
 ) {
     let (n, stride) = (covariance.n, covariance.stride);
-    for i in rows(reached, n) {
-        let row = S::as_mut_simd_f64s(&mut covariance.p[i * stride..][columns.clone()]).0;
-        let Some(c) = c.get(i * wide..).and_then(|c| c.first_chunk::<M>()) else { continue };
-        let mut by = [simd.splat_f64s(0.0); M];
-        by.iter_mut().zip(c).for_each(|(by, c)| *by = simd.splat_f64s(*c));
-        for (at, row) in row.iter_mut().enumerate() {
-            let mut sum = simd.mul_f64s(by[0], x[0][at]);
-            for (by, x) in by[1..].iter().zip(&x[1..]) {
-                sum = simd.add_f64s(sum, simd.mul_f64s(*by, x[at]));
+    for run in reached {
+        let all =
+            covariance.p[run.start * stride..n.min(run.end) * stride].chunks_exact_mut(stride);
+        // the last row of `c` may lack what is before its first column
+        let factors = c[run.start * wide..].chunks(wide);
+        for (row, c) in all.zip(factors) {
+            let row = S::as_mut_simd_f64s(&mut row[columns.clone()]).0;
+            let Some(c) = c.first_chunk::<M>() else { continue };
+            let mut by = [simd.splat_f64s(0.0); M];
+            by.iter_mut().zip(c).for_each(|(by, c)| *by = simd.splat_f64s(*c));
+            for (at, row) in row.iter_mut().enumerate() {
+                let mut sum = simd.mul_f64s(by[0], x[0][at]);
+                for (by, x) in by[1..].iter().zip(&x[1..]) {
+                    sum = simd.add_f64s(sum, simd.mul_f64s(*by, x[at]));
+                }
+                *row = simd.sub_f64s(*row, sum);
             }
-            *row = simd.sub_f64s(*row, sum);
         }
     }
 }

@@ -258,7 +258,7 @@ impl Update {
         let m = self.m;
         self.gain.resize(covariance.n * m, 0.0);
         for (a, kt) in self.kt.chunks_exact(covariance.stride).enumerate() {
-            self.gain[a..].iter_mut().step_by(m).zip(kt).for_each(|(gain, k)| *gain = *k);
+            self.gain.chunks_exact_mut(m).zip(kt).for_each(|(gain, k)| gain[a] = *k);
         }
     }
 }

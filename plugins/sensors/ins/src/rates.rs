@@ -25,6 +25,9 @@ const LONGEST: f64 = 0.32;
 /// Sigma of the angular rate that needs no longer line, rad/s: a lever arm of 1 m makes 0.05 mm/s of it, a
 /// twentieth of the noise of the best DVL.
 const NEGLIGIBLE: f64 = 5e-5;
+/// Time since the origin of the times after which a new one begins, s: the sums lose `(FAR / LONGEST)^2`
+/// of their precision, one digit.
+const FAR: f64 = 3.0 * LONGEST;
 /// Number of differences that determine the noise.
 const MEMORY: f64 = 256.0;
 /// Difference from a shorter line in its sigma at which a longer one does not follow the rate.
@@ -40,17 +43,44 @@ struct Line {
 
 saved!(Line { rate, slope, samples });
 
+/// Numbers of samples of the lines.
+const LINES: [usize; 5] = [2, 4, 8, 16, KEPT];
+
+/// Sums over the last samples of a line: of the rates and the middle since the origin, s, and of these
+/// times the middle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    values: [f64; 4],
+    moments: [f64; 4],
+}
+
+saved!(Sums { values, moments });
+
+impl Sums {
+    /// Adds a sample that many times.
+    #[inline]
+    fn add(&mut self, sample: &[f64; 4], times: f64) {
+        for k in 0..4 {
+            self.values[k] += times * sample[k];
+            self.moments[k] += times * sample[k] * sample[3];
+        }
+    }
+}
+
 /// The last samples.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LastRates {
     before: Option<Rates>,
     last: Option<Rates>,
-    /// Rates of the samples from the last one on, where these have noise, with the middle of each since the first, s, and the
-    /// rate at the end of the last one and its slope on the line through them.
+    /// Rates of the last samples, where these have noise, with the middle of each since the origin, s; their
+    /// number, and the sums of each line over them.
     recent: [[f64; 4]; KEPT],
     count: usize,
-    first: Option<Time>,
-    /// Rates at the ends of the last samples on their lines, the place of the newest, and the rate before those of the last line.
+    sums: [Sums; LINES.len()],
+    /// Origin of the times, which is never long ago: the sums lose little to a large time.
+    origin: Option<Time>,
+    /// Rates at the ends of the last samples on their lines, the place of the newest among these and the samples, and the rate
+    /// before those of the last line.
     lines: [[f64; 3]; KEPT],
     newest: usize,
     earlier: Option<Vector3<f64>>,
@@ -63,7 +93,7 @@ pub(crate) struct LastRates {
 }
 
 saved!(LastRates {
-    before, last, recent, count, first, lines, newest, earlier, scatter, differences, line,
+    before, last, recent, count, sums, origin, lines, newest, earlier, scatter, differences, line,
 } except { noise });
 
 impl LastRates {
@@ -80,17 +110,54 @@ impl LastRates {
         }
         self.before = self.last.replace(rates);
         if self.sigma(&rates) > NEGLIGIBLE {
-            let end = rates.time.since(*self.first.get_or_insert(rates.time));
-            self.recent.copy_within(..KEPT - 1, 1);
-            self.recent[0] = [rates.w.x, rates.w.y, rates.w.z, end - 0.5 * rates.duration];
-            self.count = KEPT.min(self.count + 1);
+            let end = self.add(&rates);
             self.scatter();
             self.line = self.fit(end, &rates);
-            self.newest = (self.newest + 1) % KEPT;
             // the place of the newest still has the rate of as many samples ago as a line may have
-            let before = |line: &Line| (self.newest + KEPT - line.samples) % KEPT;
-            self.earlier = self.line.map(|line| self.lines[before(&line)].into());
+            self.earlier = self.line.map(|line| self.lines[self.place(line.samples)].into());
             self.lines[self.newest] = self.line.map_or(rates.w, |line| line.rate).into();
+        }
+    }
+
+    /// Place of so many samples before the newest.
+    #[inline]
+    fn place(&self, before: usize) -> usize {
+        (self.newest + KEPT - before) % KEPT
+    }
+
+    /// Adds a sample to the sums of all lines, which the oldest of each leaves, and returns its end since the origin, s.
+    #[inline]
+    fn add(&mut self, rates: &Rates) -> f64 {
+        for (samples, sums) in LINES.iter().zip(&mut self.sums) {
+            if self.count >= *samples {
+                let oldest = (self.newest + KEPT + 1 - samples) % KEPT;
+                sums.add(&self.recent[oldest], -1.0);
+            }
+        }
+        let Rates { time, duration, w, .. } = *rates;
+        let mut end = time.since(*self.origin.get_or_insert(time));
+        let new = [w.x, w.y, w.z, end - 0.5 * duration];
+        self.newest = (self.newest + 1) % KEPT;
+        self.recent[self.newest] = new;
+        self.count = KEPT.min(self.count + 1);
+        if self.newest == 0 || end > FAR {
+            self.sum_again(end);
+            self.origin = Some(time);
+            end = 0.0;
+        } else {
+            self.sums.iter_mut().for_each(|sums| sums.add(&new, 1.0));
+        }
+        end
+    }
+
+    /// Moves the origin of the times, and computes all sums from the samples: rounding does not add up.
+    fn sum_again(&mut self, origin: f64) {
+        self.recent.iter_mut().for_each(|sample| sample[3] -= origin);
+        self.sums = Default::default();
+        for before in 0..self.count {
+            let sample = self.recent[self.place(before)];
+            let lines = LINES.iter().zip(&mut self.sums).filter(|(samples, _)| before < **samples);
+            lines.for_each(|(_, sums)| sums.add(&sample, 1.0));
         }
     }
 
@@ -143,10 +210,10 @@ impl LastRates {
 
     /// Follows the noise: a stated one may be too large by far, and a line would then be too long.
     fn scatter(&mut self) {
-        let [new, before, oldest, ..] = &self.recent;
         if self.count < 3 {
             return;
         }
+        let [new, before, oldest] = [0, 1, 2].map(|before| self.recent[self.place(before)]);
         self.differences = (self.differences + 1.0).min(MEMORY);
         for (k, scatter) in self.scatter.iter_mut().enumerate() {
             let second = new[k] - 2.0 * before[k] + oldest[k];
@@ -160,27 +227,21 @@ impl LastRates {
         let limit = APART * self.sigma(last).min(scatter);
         let mut lines = [(Line::default(), 0.0); 5];
         let mut count = 0;
-        // sums of the rates and of the time, and of these times the time
-        let [mut sums, mut moments] = [[0.0; 4]; 2];
-        for new in [0..2, 2..4, 4..8, 8..16, 16..KEPT] {
-            if self.count < new.end {
+        for (samples, sums) in LINES.into_iter().zip(&self.sums) {
+            if self.count < samples {
                 break;
             }
-            let samples = new.end;
-            let (n, mut t) = (samples as f64, 0.0);
-            for &[x, y, z, middle] in &self.recent[new] {
-                t = middle - end;
-                for (k, value) in [x, y, z, t].into_iter().enumerate() {
-                    sums[k] += value;
-                    moments[k] += value * t;
-                }
-            }
+            let (n, t) = (samples as f64, self.recent[self.place(samples - 1)][3] - end);
+            let Sums { values, moments } = sums;
             // samples that overlap have no line
             if -t <= 0.5 * n * last.duration {
                 continue;
             }
-            let [w0, w1] = [&sums, &moments].map(|sums| Vector3::new(sums[0], sums[1], sums[2]));
-            let (t1, t2) = (sums[3], moments[3]);
+            // the times since the end of the last sample
+            let w0 = Vector3::new(values[0], values[1], values[2]);
+            let w1 = Vector3::new(moments[0], moments[1], moments[2]) - w0 * end;
+            let t1 = values[3] - n * end;
+            let t2 = moments[3] - end * (values[3] + t1);
             let scale = (n * t2 - t1 * t1).recip();
             let rate = (w0 * t2 - w1 * t1) * scale;
             let line = Line { rate, slope: (w1 * n - w0 * t1) * scale, samples };
@@ -341,6 +402,36 @@ mod tests {
         assert!((noise / square).abs() < 0.12, "{}", noise / square);
         // 0.32 s earlier the roll has 0.94 of its value
         assert!(rolls / roll > 0.9, "{}", rolls / roll);
+    }
+
+    /// Least squares over the last samples alone, for a minute at 100 Hz, and at rates of which few samples fit into
+    /// the longest time.
+    #[test]
+    fn the_line_is_that_of_least_squares_through_the_last_samples() {
+        for (interval, count) in [(0.01, 6000), (0.02, 500), (0.1, 40)] {
+            let mut random = Uniform::new(5);
+            let mut last = LastRates::new(1.0);
+            let mut all = Vec::new();
+            for n in 1..=count {
+                let end = f64::from(n) * interval;
+                let w = Vector3::new(0.3 + 0.1 * end, random.within(0.01), -0.2);
+                all.push((end - 0.5 * interval, w));
+                last.take(Rates { time: time(end), duration: interval, w, f: Vector3::zeros() });
+                let Some(line) = last.line else { continue };
+                let of = &all[all.len() - line.samples..];
+                let share = (line.samples as f64).recip();
+                let (t, mean) = of.iter().fold((0.0, Vector3::zeros()), |(t, mean), (at, w)| {
+                    (t + share * (at - end), mean + w * share)
+                });
+                let spread: f64 = of.iter().map(|(at, _)| (at - end - t).powi(2)).sum();
+                let slope: Vector3<f64> =
+                    of.iter().map(|(at, w)| (w - mean) * ((at - end - t) / spread)).sum();
+                let rate = mean - slope * t;
+                // the sums of two samples have a rounding of 1e-16 of 13 rad/s, over their spread of 1e-4 s^2
+                assert!((line.slope - slope).amax() < 1e-9, "{n}: {} {slope}", line.slope);
+                assert!((line.rate - rate).amax() < 1e-10, "{n}: {} {rate}", line.rate);
+            }
+        }
     }
 
     #[test]

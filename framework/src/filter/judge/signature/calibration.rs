@@ -278,6 +278,7 @@ impl Calibration {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::Jacobian;
     use super::*;
     use crate::state::covariance::Update;
     use crate::units::sample::MAX_CHANNELS;
@@ -307,8 +308,15 @@ mod tests {
                 rows[0][3..5].copy_from_slice(&seen.map(|seen| seen as f32));
                 rows
             });
-            let sample =
-                Whitened { update: &update, lower: &[1.0], gain: &[], y, weight: 1.0, used: true };
+            let sample = Whitened {
+                update: &update,
+                lower: &[1.0],
+                gain: &[],
+                jacobian: &Jacobian::default(),
+                y,
+                weight: 1.0,
+                used: true,
+            };
             calibration.take(3, &f, [&f, &g], &sample);
             if k % 50 == 49 {
                 calibration.measure();

@@ -1,6 +1,6 @@
 //! Effect of an error of unit size on the error states and on the innovations.
 
-use super::lanes::{Carry, Changes, See, Seen, Sums, Take, Work};
+use super::lanes::{Carry, Changes, Jacobian, See, Seen, Sums, Take, Work};
 use super::score::Score;
 use crate::checkpoint::saved;
 use crate::model::record::finding::Severity;
@@ -31,6 +31,8 @@ pub(super) struct Whitened<'a> {
     /// Cholesky factor of `S`, and the gain.
     pub(super) lower: &'a [f64],
     pub(super) gain: &'a [f32],
+    /// `H`.
+    pub(super) jacobian: &'a Jacobian,
     /// `S^-1 y`.
     pub(super) y: [f64; MAX_CHANNELS],
     /// Weight of the sample, below one for one that the gate refuses, which does not correct the state.
@@ -172,8 +174,8 @@ impl<const W: usize> Effect<W> {
     }
 
     /// `g = H s`.
-    pub(super) fn seen(&self, update: &Update, g: &mut Seen<W>) {
-        Arch::new().dispatch(See { s: &self.s, update, g });
+    pub(super) fn seen(&self, sample: &Whitened<'_>, g: &mut Seen<W>) {
+        Arch::new().dispatch(See { s: &self.s, jacobian: sample.jacobian, g });
     }
 
     /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.

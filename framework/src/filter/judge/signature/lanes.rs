@@ -87,6 +87,31 @@ impl<const W: usize> Sums<W> {
     }
 }
 
+/// Elements of `H` that are not zero, in the form that all hypotheses share: the number of each row, and the
+/// elements, column and value.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Jacobian {
+    counts: Vec<usize>,
+    elements: Vec<(usize, f32)>,
+}
+
+impl Jacobian {
+    /// Takes the `H` of an update.
+    pub(super) fn take(&mut self, update: &Update) {
+        let Self { counts, elements } = self;
+        counts.clear();
+        elements.clear();
+        // an element that is zero at first needs no memory later
+        elements.reserve(update.h.len());
+        for row in update.h.chunks_exact(update.columns.len().max(1)).take(update.m) {
+            let before = elements.len();
+            let row = update.columns.iter().zip(row).filter(|(_, h)| **h != 0.0);
+            elements.extend(row.map(|(&column, h)| (column, *h as f32)));
+            counts.push(elements.len() - before);
+        }
+    }
+}
+
 /// Elements of `Phi - I` that are not zero, in the form that all hypotheses share.
 #[derive(Clone, Default)]
 pub(super) struct Changes {
@@ -116,27 +141,43 @@ impl Changes {
     }
 }
 
-/// Largest number of registers that a row fills: one for each number on a processor without vectors.
-const REGISTERS: usize = WIDE;
+/// Registers whose sums are made side by side, so that one is added to while the others wait.
+const SIDE: usize = 4;
 
-/// `out := out + sum a x`.
+/// `out := out + sum a x`. The sums stay in registers: those of whole sides first.
 #[inline(always)]
 fn add<'a, S: Simd, const W: usize>(
     simd: S,
     out: &mut [f32; W],
-    terms: impl Iterator<Item = (f32, &'a [f32; W])>,
+    terms: impl Iterator<Item = (f32, &'a [f32; W])> + Clone,
 ) {
     let (wide, rest) = S::as_mut_simd_f32s(out);
-    let mut sums = [simd.splat_f32s(0.0); REGISTERS];
-    sums.iter_mut().zip(&*wide).for_each(|(sum, out)| *sum = *out);
-    for (a, x) in terms {
-        let ((x, last), all) = (S::as_simd_f32s(x), simd.splat_f32s(a));
-        for (sum, x) in sums.iter_mut().zip(x) {
-            *sum = simd.add_f32s(*sum, simd.mul_f32s(all, *x));
+    let (sides, singles) = wide.as_chunks_mut::<SIDE>();
+    let first = sides.len() * SIDE;
+    for (k, side) in sides.iter_mut().enumerate() {
+        let mut sums = *side;
+        for (a, x) in terms.clone() {
+            let a = simd.splat_f32s(a);
+            let x = &S::as_simd_f32s(x).0.as_chunks::<SIDE>().0[k];
+            for (sum, x) in sums.iter_mut().zip(x) {
+                *sum = simd.add_f32s(*sum, simd.mul_f32s(a, *x));
+            }
         }
-        rest.iter_mut().zip(last).for_each(|(sum, x)| *sum += a * x);
+        *side = sums;
     }
-    wide.iter_mut().zip(sums).for_each(|(out, sum)| *out = sum);
+    for (k, single) in singles.iter_mut().enumerate() {
+        let mut sum = *single;
+        for (a, x) in terms.clone() {
+            let x = S::as_simd_f32s(x).0[first + k];
+            sum = simd.add_f32s(sum, simd.mul_f32s(simd.splat_f32s(a), x));
+        }
+        *single = sum;
+    }
+    if !rest.is_empty() {
+        for (a, x) in terms {
+            rest.iter_mut().zip(S::as_simd_f32s(x).1).for_each(|(sum, x)| *sum += a * x);
+        }
+    }
 }
 
 /// `L^-1 g`.
@@ -161,16 +202,17 @@ fn whiten<S: Simd, const W: usize>(
 fn product<S: Simd, const W: usize>(simd: S, m: usize, f: &Seen<W>, g: &Seen<W>) -> [f32; W] {
     let mut all = [0.0; W];
     let (wide, rest) = S::as_mut_simd_f32s(&mut all);
-    let mut sums = [simd.splat_f32s(0.0); REGISTERS];
-    for (f, g) in f.iter().zip(g).take(m) {
-        let ((f, f_last), (g, g_last)) = (S::as_simd_f32s(f), S::as_simd_f32s(g));
-        for (sum, (f, g)) in sums.iter_mut().zip(f.iter().zip(g)) {
-            *sum = simd.add_f32s(*sum, simd.mul_f32s(*f, *g));
+    let rows = || f.iter().zip(g).take(m);
+    for (k, sum) in wide.iter_mut().enumerate() {
+        for (f, g) in rows() {
+            let (f, g) = (S::as_simd_f32s(f).0[k], S::as_simd_f32s(g).0[k]);
+            *sum = simd.add_f32s(*sum, simd.mul_f32s(f, g));
         }
-        let last = f_last.iter().zip(g_last);
+    }
+    for (f, g) in rows() {
+        let last = S::as_simd_f32s(f).1.iter().zip(S::as_simd_f32s(g).1);
         rest.iter_mut().zip(last).for_each(|(sum, (f, g))| *sum += f * g);
     }
-    wide.iter_mut().zip(sums).for_each(|(all, sum)| *all = sum);
     all
 }
 
@@ -208,7 +250,7 @@ impl<const W: usize> WithSimd for Carry<'_, W> {
 /// `g = H s`.
 pub(super) struct See<'a, const W: usize> {
     pub(super) s: &'a [[f32; W]],
-    pub(super) update: &'a Update,
+    pub(super) jacobian: &'a Jacobian,
     pub(super) g: &'a mut Seen<W>,
 }
 
@@ -217,11 +259,13 @@ impl<const W: usize> WithSimd for See<'_, W> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { s, update, g } = self;
-        let w = update.columns.len();
-        for (g, h) in g.iter_mut().zip(update.h.chunks_exact(w.max(1))).take(update.m) {
+        let Self { s, jacobian, g } = self;
+        let mut left = &jacobian.elements[..];
+        for (g, &count) in g.iter_mut().zip(&jacobian.counts) {
+            let (row, rest) = left.split_at(count);
             *g = [0.0; W];
-            add(simd, g, update.columns.iter().zip(h).map(|(&column, h)| (*h as f32, &s[column])));
+            add(simd, g, row.iter().map(|&(column, h)| (h, &s[column])));
+            left = rest;
         }
     }
 }
@@ -284,5 +328,46 @@ impl<const W: usize> WithSimd for Take<'_, W> {
             4 => correct(simd, s, (sample.gain, 4), g),
             m => correct(simd, s, (sample.gain, m.max(1)), g),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::Arch;
+
+    fn number(k: usize) -> f64 {
+        ((k * 7919) % 1009) as f64 / 1009.0 - 0.5
+    }
+
+    /// Rows with zeros, one of them without any other element, for hypotheses that fill several registers, one,
+    /// and none.
+    #[test]
+    fn what_a_sample_sees_is_the_product_with_all_elements() {
+        fn check<const W: usize>() {
+            let (n, m) = (7, 3);
+            let mut update = Update::with_capacity(n, m);
+            (update.m, update.columns) = (m, vec![1, 2, 4, 6]);
+            update.h = (0..m * 4)
+                .map(|k| if k % 3 == 0 || k / 4 == 1 { 0.0 } else { number(k) })
+                .collect();
+            let s: Vec<[f32; W]> =
+                (0..n).map(|row| std::array::from_fn(|sum| number(row * W + sum) as f32)).collect();
+            let mut jacobian = Jacobian::default();
+            jacobian.take(&update);
+            let mut g = [[1.0; W]; MAX_CHANNELS];
+            Arch::new().dispatch(See { s: &s, jacobian: &jacobian, g: &mut g });
+            for (row, g) in g[..m].iter().enumerate() {
+                for (sum, g) in g.iter().enumerate() {
+                    let of = update.columns.iter().zip(&update.h[row * 4..][..4]);
+                    let expected: f32 = of.map(|(column, h)| *h as f32 * s[*column][sum]).sum();
+                    // four products of single precision
+                    assert!((g - expected).abs() < 1e-6, "{W} {row} {sum}: {g} {expected}");
+                }
+            }
+        }
+        check::<WIDE>();
+        check::<OFFSETS>();
+        check::<1>();
     }
 }

@@ -219,7 +219,7 @@ impl Offset {
             self.effect.begin(time);
         }
         let mut seen = [[0.0; OFFSETS]; MAX_CHANNELS];
-        self.effect.seen(sample.update, &mut seen);
+        self.effect.seen(sample, &mut seen);
         let Some(present) = present else { return self.effect.take(sample, &seen) };
         let along = |slope| {
             let mut g: Seen<OFFSETS> = seen;

@@ -270,7 +270,7 @@ impl Parameters {
         let earlier = if tested { earlier.of(at) } else { None };
         let chunks = effects.iter_mut().zip(components.chunks(WIDE));
         for ((effect, components), first) in chunks.zip((0..).step_by(WIDE)) {
-            effect.seen(sample.update, &mut g);
+            effect.seen(sample, &mut g);
             f[..m].copy_from_slice(&g[..m]);
             let mut along = false;
             for (sum, &Component { kind, of, component, sensor }) in components.iter().enumerate() {

@@ -126,14 +126,22 @@ impl Refused {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::Jacobian;
     use super::*;
     use crate::state::covariance::Update;
 
     fn seen(information: impl Fn(usize) -> f64) -> f64 {
         let update = Update::with_capacity(1, 1);
         let y = [0.0; MAX_CHANNELS];
-        let sample =
-            Whitened { update: &update, lower: &[], gain: &[], y, weight: 1.0, used: true };
+        let sample = Whitened {
+            update: &update,
+            lower: &[],
+            gain: &[],
+            jacobian: &Jacobian::default(),
+            y,
+            weight: 1.0,
+            used: true,
+        };
         let mut refused = Refused::default();
         let g = [[0.0; OFFSETS]; MAX_CHANNELS];
         (0..40).for_each(|k| refused.take(&sample, &g, (information(k), 0.2)));

@@ -233,14 +233,14 @@ impl Shifts {
         let Self { axes, effects, lasting, .. } = self;
         for Lasting { axis, effect } in lasting {
             let mut g = [[0.0; 1]; MAX_CHANNELS];
-            effect.seen(sample.update, &mut g);
+            effect.seen(sample, &mut g);
             let age = |_| time.since(effect.since(0));
             axes[*axis].enter(&mut g, 0..1, own(axes[*axis].sensor), age);
             effect.take(sample, &g);
         }
         let mut g = [[0.0; WIDE]; MAX_CHANNELS];
         for (effect, axes) in effects.iter_mut().zip(axes.chunks(WIDE / SUMS)) {
-            effect.seen(sample.update, &mut g);
+            effect.seen(sample, &mut g);
             for (axis, first) in axes.iter().zip((0..WIDE).step_by(SUMS)) {
                 let age = |column| time.since(effect.since(column));
                 axis.enter(&mut g, first..first + SUMS, own(axis.sensor), age);

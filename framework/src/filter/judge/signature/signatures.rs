@@ -3,7 +3,7 @@
 use super::calibrations::Correction;
 use super::contain::Containment;
 use super::effect::{RECENT, SUMS, Whitened};
-use super::lanes::Changes;
+use super::lanes::{Changes, Jacobian};
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
 use super::score::leading;
@@ -43,8 +43,9 @@ pub(in crate::filter) struct Signatures {
     phi: Vec<f64>,
     elements: Vec<(usize, usize, f32)>,
     changes: Changes,
-    /// Gain of a sample.
+    /// Gain and `H` of a sample.
     gain: Vec<f32>,
+    jacobian: Jacobian,
     /// Times up to which the sensitivities are carried, and up to which the state is, and the length
     /// of the last step, s.
     settled: Time,
@@ -65,7 +66,7 @@ saved!(Signatures {
 } each {
     offsets, shifts, spread,
 } except {
-    places, phi, elements, changes, gain,
+    places, phi, elements, changes, gain, jacobian,
 });
 
 fn of(offset: &Option<Offset>) -> f64 {
@@ -181,6 +182,7 @@ impl Signatures {
             elements,
             changes: Changes::default(),
             gain: Vec::new(),
+            jacobian: Jacobian::default(),
             settled,
             time,
             step: 0.0,
@@ -249,10 +251,12 @@ impl Signatures {
         let known = self.spread[index].take(present, &y[..m]);
         backward(lower, m, &mut y[..m]);
         let Treatment { weight, used, calm, isolated } = treatment;
-        let Self { offsets, shifts, parameters, gain, .. } = self;
+        let Self { offsets, shifts, parameters, gain, jacobian, .. } = self;
         gain.clear();
         gain.extend(update.gain().iter().map(|gain| *gain as f32));
-        let (sample, time) = (Whitened { update, lower, gain, y, weight, used }, at.state.time);
+        jacobian.take(update);
+        let sample = Whitened { update, lower, gain, jacobian, y, weight, used };
+        let time = at.state.time;
         let scaled = Whitened { weight: weight * known, ..sample };
         for (k, offset) in offsets.iter_mut().enumerate() {
             let Some(offset) = offset else { continue };
