@@ -68,7 +68,9 @@ const SHARED: usize = 64;
 /// The last nodes that a cursor of the trajectory has computed, with their numbers: all cursors compute the
 /// same, and one for each sensor follows the path.
 #[derive(Clone, Debug)]
-pub(crate) struct Nodes(Arc<Mutex<[Option<(u64, Node)>; SHARED]>>);
+pub(crate) struct Nodes(Arc<Mutex<[Option<Numbered>; SHARED]>>);
+
+type Numbered = (u64, Node);
 
 impl Default for Nodes {
     fn default() -> Self {
