@@ -27,14 +27,16 @@ fn instructions(folder: &Path, sensors: usize) -> Option<f64> {
     count.and_then(|(_, count)| count.trim().parse().ok())
 }
 
-/// Twice the sensors have twice the samples. Where each sample costs in proportion to the number of
-/// sensors, the ratio approaches four.
+/// Twice the sensors have twice the samples, so that they cost twice as much beside what a run costs without
+/// them. Where each sample costs in proportion to the number of sensors, the ratio is four; it is 2.4 if a
+/// fifth of the cost of a hundred sensors grows so. It was 2.27 when the bound was set.
 #[test]
-fn a_run_of_twice_the_sensors_costs_twice_as_much() {
+fn twice_the_sensors_cost_twice_as_much() {
     let folder = tempfile::tempdir().expect("a folder");
-    let Some(few) = instructions(folder.path(), 100) else {
+    let Some(none) = instructions(folder.path(), 0) else {
         return skip(Need::Valgrind, "valgrind");
     };
-    let many = instructions(folder.path(), 200).expect("valgrind is there");
-    assert!(many / few < 2.2, "{few:e} and {many:e} instructions");
+    let cost = |sensors| instructions(folder.path(), sensors).expect("valgrind is there") - none;
+    let (few, many) = (cost(100), cost(200));
+    assert!(many / few < 2.4, "{few:e} and {many:e} instructions beside {none:e}");
 }

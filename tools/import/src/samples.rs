@@ -167,8 +167,7 @@ impl Recording {
     }
 
     /// Rejects files of which the one that aids the IMU has no valid sample: the sigma of the IMU alone would hide it.
-    ///
-    /// A file that holds the IMU too is of use without its aid, which a note then leaves out.
+    /// A file that holds the IMU too is of use without its aid, and a note says that it is left out.
     pub fn keeps_an_aid(&self, files: &[PathBuf]) -> Result<(), StreamError> {
         let aids = |part: &Part| !DRIVING.contains(&part.name) && part.name != "reference";
         let named = |file: &Path| {
@@ -181,10 +180,8 @@ impl Recording {
         let Some((name, file)) = empty.filter(|_| !self.parts.iter().any(aids)) else {
             return Ok(());
         };
-        let text = format!(
-            "{} has no valid sample of {name}, and no other file aids the IMU",
-            file.display()
-        );
+        let file = file.display();
+        let text = format!("{file} has no valid sample of {name}, and no other file aids the IMU");
         Err(StreamError::format(text).with_remedy(
             "look at its values: zeros, NaN and rows without a fix are no samples; or leave the file out",
         ))

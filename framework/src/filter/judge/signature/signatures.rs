@@ -46,8 +46,7 @@ pub(in crate::filter) struct Signatures {
     /// Gain and `H` of a sample.
     gain: Vec<f32>,
     jacobian: Jacobian,
-    /// Times up to which the sensitivities are carried, and up to which the state is, and the length
-    /// of the last step, s.
+    /// Times up to which the sensitivities and the state are carried, and the length of the last step, s.
     settled: Time,
     time: Time,
     step: f64,
@@ -447,8 +446,7 @@ impl Signatures {
         self.parameters.estimated(state, layout)
     }
 
-    /// Corrects the fixed blocks that were found to be wrong. Where that is news, the other tests begin
-    /// again.
+    /// Corrects the fixed blocks that were found to be wrong; where that is news, the other tests begin again.
     pub(in crate::filter) fn correct(
         &mut self,
         state: &mut State,
