@@ -31,6 +31,10 @@ fn a_contained_fault_has_one_wording_in_terminal_json_log_page_and_comparison() 
     assert_eq!(printed.lines().last(), Some(&*format!("verdict: {words}: dvl")));
     let page = std::fs::read_to_string(run.join("report.html")).expect("the page");
     assert!(page.contains(&format!("Verdict: <b>{words}</b>")));
+    // a fault that is contained is no reason not to use the result
+    assert!(
+        !page.contains(r#"<li class="bad">contained"#) && page.contains("contained: <b>dvl</b>")
+    );
 
     let output = navfuse(&["compare", &text(&run), &text(&run), "--no-output"]);
     let compared = stdout(&output);

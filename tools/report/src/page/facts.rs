@@ -131,7 +131,7 @@ fn judged(verdict: Option<&Verdict>) -> Markup {
         @if let Some(verdict) = verdict.filter(|v| !v.reasons.is_empty()) {
             ul.reasons {
                 @for reason in &verdict.reasons {
-                    li.bad[reason.severity > Severity::Note] {
+                    li.bad[reason.severity > Severity::Contained] {
                         (reason.severity.words()) ": " b { (reason.about) } ": "
                         (reason.text)
                         @if !reason.remedy.is_empty() { "; " (reason.remedy) }
