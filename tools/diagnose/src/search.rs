@@ -189,7 +189,9 @@ impl<'a> Search<'a> {
     /// True if the best change makes the run consistent, or no change explains anything.
     fn solved(&self, base: &Outcome, runs: &[Run]) -> bool {
         let best = self.best(base, runs);
-        best.is_none_or(|(_, outcome)| outcome.level == VerdictLevel::Consistent)
+        best.is_none_or(|(_, outcome)| {
+            VerdictLevel::from(outcome.severity) == VerdictLevel::Consistent
+        })
     }
 
     /// The best change with each of the next ones that leaves its keys alone, and with the noise of
@@ -235,7 +237,7 @@ impl<'a> Search<'a> {
             score,
             mean_nis,
             values,
-            level: outcome.level,
+            level: outcome.severity.into(),
             severity: outcome.severity,
             verdict: outcome.verdict.clone(),
             moved,

@@ -19,7 +19,6 @@ pub(crate) struct Outcome {
     pub densities: Densities,
     /// Scales of outliers that its innovations suggest.
     pub scales: Channels<f64>,
-    pub level: VerdictLevel,
     pub severity: Severity,
     pub verdict: String,
     /// Level of the verdict without the reference, and the part that it names first.
@@ -55,7 +54,6 @@ pub(crate) fn run(
     Ok(Outcome {
         densities: likelihood.densities(),
         scales: likelihood.scales(),
-        level: VerdictLevel::from(severity(&finished)),
         severity: severity(&finished),
         verdict: finished.summary.verdict.text.clone(),
         blind: blind(&finished),
