@@ -3,7 +3,7 @@
 use super::Table;
 use super::{line, right, table};
 use crate::error::{CommandError, Result};
-use navfuse_campaign::words::{band, begins, number, ratio};
+use navfuse_campaign::words::{band, begins, number, ratio, three};
 use navfuse_campaign::{Campaign, Component, Judged, PointReport, Results, StateReport, WorstRun};
 use std::path::{Path, PathBuf};
 
@@ -137,12 +137,12 @@ fn consistency(plan: &Campaign, point: &PointReport) {
         rows.add_row([
             once(&point.states, k),
             s.component.component.clone(),
-            number(s.rmse),
-            number(s.sigma),
+            three(s.rmse),
+            three(s.sigma),
             ratio(s.rmse_over_sigma),
-            number(s.bound),
+            three(s.bound),
             ratio(s.rmse_over_bound),
-            number(s.mean_error),
+            three(s.mean_error),
             s.component.unit.clone(),
         ]);
     }

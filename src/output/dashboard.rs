@@ -22,6 +22,8 @@ const ESTIMATE: u16 = 4;
 const VERDICT: usize = 2;
 /// Width to which texts are broken at least, columns: a narrower screen cuts them off.
 const NARROWEST: usize = 20;
+/// Widths of the titles, the sigmas and the verdicts of states that are not determined, columns.
+const STATES: [u16; 3] = [22, 14, 14];
 /// Least number of lines for the events, with their heading.
 const LEAST: u16 = 3;
 
@@ -67,7 +69,7 @@ pub fn draw(frame: &mut Frame<'_>, view: &View, age: Duration) {
     frame.render_widget(Paragraph::new(heading), head);
     frame.render_widget(table_of_sensors(&status.sensors), middle);
     frame.render_widget(table_of_estimate(status), estimate);
-    frame.render_widget(table_of_states(&status.states), determined);
+    frame.render_widget(table_of_states(&status.states, area.width), determined);
     draw_events(frame, view, events);
 }
 
@@ -188,22 +190,40 @@ fn is_open(state: &StateStatus) -> bool {
     matches!(state.verdict, Determination::InPart | Determination::NotDetermined)
 }
 
-fn table_of_states(states: &[StateStatus]) -> Table<'_> {
+fn table_of_states(states: &[StateStatus], width: u16) -> Table<'_> {
+    // three spaces are between the columns
+    let room = usize::from(width.saturating_sub(STATES.iter().sum::<u16>() + 3));
     let row = |state: &StateStatus| {
         let help = state.manoeuvre.as_ref().or(state.missing.as_ref());
         [
             state.title.clone().into(),
             format!("{} {}", words::short(state.sigma), state.unit).into(),
             state.verdict.text().into(),
-            help.cloned().unwrap_or_default().into(),
+            help.map_or_else(String::new, |help| clauses(help, room)).into(),
         ]
     };
     let determined = states.iter().filter(|s| s.verdict == Determination::Determined).count();
     let title = format!("{determined} of {} are determined", states.len());
     let headings = ["not determined yet".into(), "1-sigma".into(), "".into(), title.into()];
-    let widths = [24, 14, 14, 0].map(column);
+    let [title_width, sigma, verdict] = STATES;
+    let widths = [title_width, sigma, verdict, 0].map(column);
     let rows = states.iter().filter(|s| is_open(s)).map(row).collect();
     table(headings, rows, widths, 1..2)
+}
+
+/// The clauses of a sentence that have room, or the words of the first one that have.
+fn clauses(text: &str, room: usize) -> String {
+    let fits = |end: &usize| text[..*end].chars().count() <= room;
+    if fits(&text.len()) {
+        return text.to_owned();
+    }
+    let ends = |mark: &'static str| text.match_indices(mark).map(|(at, _)| at);
+    let clauses = [", ", "; ", ": "].into_iter().flat_map(ends).filter(fits);
+    if let Some(end) = clauses.max() {
+        return text[..end].to_owned();
+    }
+    let words = ends(" ").filter(|end| text[..*end].chars().count() < room);
+    words.max().map_or_else(String::new, |end| format!("{}…", &text[..end]))
 }
 
 /// Draws the latest events that have room.
@@ -332,9 +352,9 @@ mod tests {
         lat lon, height m    43.0123456    5.1234567    -31.04      0.52    0.49    0.05
         velocity NED m/s          1.234       -0.567     0.012     0.012   0.013   0.004
         roll pitch heading        0.120       -1.500   330.250     0.021   0.019   0.520
-        not determined yet              1-sigma                1 of 3 are determined
-        ins.accel_bias x                 212 ug in part        turn by 90 deg
-        dvl.scale                        0.002  not determined no sample of dvl was used
+        not determined yet            1-sigma                1 of 3 are determined
+        ins.accel_bias x               212 ug in part        turn by 90 deg
+        dvl.scale                      0.002  not determined no sample of dvl was used
         events
         1200.000 s gnss: is back after 12.0 s
         1210.200 s gnss: gnss lost: no sample for 5 s
@@ -342,6 +362,17 @@ mod tests {
             mean of the last 200 samples, and it contradicts depth and gnss; look at its
             mounting
         ");
+    }
+
+    #[test]
+    fn a_reason_ends_with_a_clause_or_a_word_that_has_room() {
+        let text = "no enabled sensor reads it; it converges slowly, against the process noise";
+        let slowly = "no enabled sensor reads it; it converges slowly";
+        assert_eq!(clauses(text, 80), text);
+        assert_eq!(clauses(text, 60), slowly);
+        assert_eq!(clauses(text, 27), "no enabled sensor reads it");
+        assert_eq!(clauses(text, 20), "no enabled sensor…");
+        assert_eq!(clauses(text, 1), "");
     }
 
     #[test]

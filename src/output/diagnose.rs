@@ -36,7 +36,6 @@ fn trials(diagnosis: &Diagnosis) {
 /// Cells of a trial; its margin is that over the next one.
 fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
     let margin = next.map_or_else(String::new, |next| format!("{:.0}", trial.score - next.score));
-    let moved = trial.moved.map_or_else(String::new, |m| format!("{m:.2} m"));
     let nis =
         if trial.mean_nis.is_finite() { format!("{:.2}", trial.mean_nis) } else { String::new() };
     [
@@ -45,7 +44,7 @@ fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
         margin,
         nis,
         trial.severity.verdict().to_owned(),
-        moved,
+        trial.moves(),
     ]
 }
 

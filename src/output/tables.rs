@@ -133,6 +133,8 @@ const PAGE: usize = 120;
 pub struct Table {
     headings: Vec<String>,
     table: comfy_table::Table,
+    /// The columns of numbers.
+    numbers: Vec<usize>,
 }
 
 /// An empty table with headings.
@@ -142,11 +144,16 @@ pub fn table(headings: &[&str]) -> Table {
     table.load_style(presets::NOTHING.top_border(line).header_separator(line).bottom_border(line));
     table.set_content_arrangement(ContentArrangement::Dynamic);
     table.set_header(headings.to_vec());
-    Table { headings: headings.iter().map(|h| (*h).to_owned()).collect(), table }
+    Table {
+        headings: headings.iter().map(|h| (*h).to_owned()).collect(),
+        table,
+        numbers: Vec::new(),
+    }
 }
 
 /// Aligns columns of numbers.
 pub fn right(table: &mut Table, columns: std::ops::Range<usize>) {
+    table.numbers.extend(columns.clone());
     for column in columns {
         if let Some(column) = table.table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
@@ -158,6 +165,62 @@ impl Table {
     /// Adds a row.
     pub fn add_row(&mut self, row: impl Into<Row>) {
         self.table.add_row(row);
+    }
+
+    /// The table as lines of at most `width` columns. Numbers that have no room beside one another are in
+    /// further tables, whose rows begin with the same names.
+    fn lines(&self, width: usize) -> Vec<String> {
+        let names = self.numbers.iter().copied().min().unwrap_or(1).max(1);
+        let (whole, fits) = self.drawn(names, width);
+        if fits || self.headings.len() <= names + 1 {
+            return whole;
+        }
+        let mut all = Vec::new();
+        let mut begin = names;
+        while begin < self.headings.len() {
+            // as many columns as fit beside the names, and at least one
+            let ends = (begin + 2..=self.headings.len()).rev();
+            let parts = ends.map(|end| (end, self.part(names, begin..end).drawn(names, width)));
+            let mut fitting = parts.filter(|(_, (_, fits))| *fits);
+            let (end, (lines, _)) = fitting.next().unwrap_or_else(|| {
+                (begin + 1, self.part(names, begin..begin + 1).drawn(names, width))
+            });
+            all.extend(lines);
+            begin = end;
+        }
+        all
+    }
+
+    /// The table as lines, and `true` if no line is wider and no name is broken inside of a word.
+    fn drawn(&self, names: usize, width: usize) -> (Vec<String>, bool) {
+        // the space behind the last column could reach beyond the edge
+        let drawn = self.within(width);
+        let lines: Vec<String> = drawn.lines().map(|line| line.trim_end().to_owned()).collect();
+        let text = lines.join("\n");
+        let mut cells = self.table.row_iter().flat_map(|row| row.cell_iter().take(names));
+        let named =
+            cells.all(|cell| cell.content().split_whitespace().all(|word| text.contains(word)));
+        let fits = named && lines.iter().all(|line| line.chars().count() <= width);
+        (lines, fits)
+    }
+
+    /// A table of the names and of some other columns, without the rows that are empty there.
+    fn part(&self, names: usize, columns: std::ops::Range<usize>) -> Self {
+        let of = |k: &usize| *k < names || columns.contains(k);
+        let chosen: Vec<usize> = (0..self.headings.len()).filter(of).collect();
+        let headings: Vec<&str> = chosen.iter().map(|k| self.headings[*k].as_str()).collect();
+        let mut part = table(&headings);
+        for row in self.table.row_iter() {
+            let cells: Vec<String> = row.cell_iter().map(|cell| cell.content()).collect();
+            let cell = |k: &usize| cells.get(*k).cloned().unwrap_or_default();
+            if columns.clone().any(|k| !cell(&k).is_empty()) {
+                part.add_row(chosen.iter().map(cell).collect::<Vec<_>>());
+            }
+        }
+        for (place, _) in chosen.iter().enumerate().filter(|(_, k)| self.numbers.contains(k)) {
+            right(&mut part, place..place + 1);
+        }
+        part
     }
 
     /// The table in at most `width` columns, if its numbers and names have room in them: columns
@@ -233,10 +296,34 @@ impl fmt::Display for Table {
         let lines: Vec<String> = if Detail::is_quiet() {
             self.table.row_iter().map(in_line).collect()
         } else {
-            let table = self.within(Stream::Output.width().unwrap_or(PAGE));
-            // the space behind the last column could reach beyond the edge
-            table.lines().map(|line| line.trim_end().to_owned()).collect()
+            self.lines(Stream::Output.width().unwrap_or(PAGE))
         };
         f.write_str(&lines.join("\n"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table of 14 + 2 * 20 + 10 columns and what is between them has no room in 60 columns, or in 40.
+    #[test]
+    fn numbers_without_room_are_in_a_further_table_with_the_same_names() {
+        let mut rows = table(&["method", "k", "roll", "settles"]);
+        let (k, roll) = ("0.99916 ± 0.00055000", "-0.0860000 ± 0.09900");
+        rows.add_row(["io-dvlc-single", k, roll, "1234567 s"]);
+        rows.add_row(["  error", "-0.00064", "+0.014", ""]);
+        right(&mut rows, 1..4);
+        for (width, tables) in [(40, 3), (60, 2), (80, 1)] {
+            let lines = rows.lines(width);
+            assert!(lines.iter().all(|line| line.chars().count() <= width), "{lines:#?}");
+            let text = lines.join("\n");
+            let words = ["io-dvlc-single", k, roll, "1234567 s", "+0.014"];
+            assert!(words.iter().all(|word| text.contains(word)), "{text}");
+            assert_eq!(text.matches("method").count(), tables, "{text}");
+        }
+        // the row of the errors has no time
+        let narrow = rows.lines(60);
+        assert_eq!(narrow.iter().filter(|line| line.contains("error")).count(), 1, "{narrow:#?}");
     }
 }

@@ -387,7 +387,7 @@ fn a_composition_without_dvl_has_verdicts_too() {
     };
     assert_eq!(why("gnss.bias north"), "no sample of gnss was used");
     assert!(
-        why("ins.position north").starts_with("no enabled sensor reads ins.position north"),
+        why("ins.position north").starts_with("no enabled sensor reads it"),
         "{}",
         why("ins.position north")
     );

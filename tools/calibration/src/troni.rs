@@ -69,7 +69,7 @@ pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, Calib
         mounting = moved(&mounting, d[0], &Vector3::new(d[1], d[2], d[3]));
         if !(mounting.k > 1e-3 && mounting.k < 1e3) {
             return Err(CalibrationError::Inconsistent(format!(
-                "the accelerations do not agree with the DVL's velocity (k = {:.2e}): {}",
+                "the accelerations do not agree with the DVL's velocity (k = {:.3}): {}",
                 mounting.k,
                 if gravity {
                     "check the attitude"

@@ -5,9 +5,20 @@ use navfuse_core::model::chi_square::Band;
 
 /// Formats four significant digits; nothing for a value that is not known.
 pub fn number(value: Option<f64>) -> String {
+    significant(value, 4)
+}
+
+/// Formats three significant digits, so that the errors of a campaign have room in a terminal of 80 columns
+/// and on a phone; nothing for a value that is not known.
+pub fn three(value: Option<f64>) -> String {
+    significant(value, 3)
+}
+
+/// Formats that many significant digits.
+fn significant(value: Option<f64>, digits: u8) -> String {
     let Some(value) = value.filter(|v| v.is_finite()) else { return String::new() };
-    let decimals = (3.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0);
-    format!("{value:.*}", decimals as usize)
+    let decimals = f64::from(digits) - 1.0 - value.abs().max(1e-12).log10().floor();
+    format!("{value:.*}", decimals.clamp(0.0, 9.0) as usize)
 }
 
 /// Formats a ratio with two decimals.

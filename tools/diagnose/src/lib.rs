@@ -101,6 +101,16 @@ impl Trial {
             None => self.change.clone(),
         }
     }
+
+    /// The distance between the last positions with and without the change, with the digits that count.
+    pub fn moves(&self) -> String {
+        match self.moved {
+            None => String::new(),
+            Some(m) if m < 100.0 => format!("{m:.2} m"),
+            Some(m) if m < 10_000.0 => format!("{m:.0} m"),
+            Some(m) => format!("{:.0} km", m / 1000.0),
+        }
+    }
 }
 
 impl Diagnosis {

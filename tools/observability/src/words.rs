@@ -40,7 +40,7 @@ pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     let readers: Vec<&str> = measuring().filter(|s| s.reads[i]).map(|s| s.name.as_str()).collect();
     let alone = tracker.alone().get(i).copied().unwrap_or(0.0);
     let reading = match readers.as_slice() {
-        [] => format!("no enabled sensor reads {}", component.title(tracker.layout())),
+        [] => "no enabled sensor reads it".to_owned(),
         [one] => format!("{one} reads it"),
         [.., last] => format!("{} and {last} read it", readers[..readers.len() - 1].join(", ")),
     };

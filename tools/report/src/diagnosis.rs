@@ -84,11 +84,6 @@ fn sentence(words: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A distance with the digits that count.
-fn metres(distance: f64) -> String {
-    if distance < 100.0 { format!("{distance:.2} m") } else { format!("{distance:.0} m") }
-}
-
 /// The assignments of a change, as a command takes them.
 fn settings(trial: &Trial) -> Markup {
     html! { pre { @for setting in &trial.settings { "--set '" (setting) "'\n" } } }
@@ -134,7 +129,7 @@ fn row(number: usize, trial: &Trial, next: Option<f64>) -> Markup {
             td.more { @if let Some(next) = next { (format!("{:.0}", trial.score - next)) } }
             td { @if trial.mean_nis.is_finite() { (format!("{:.2}", trial.mean_nis)) } }
             td.name { span.bad[bad(trial)] { (trial.severity.verdict()) } }
-            td { @if let Some(moved) = trial.moved { (metres(moved)) } }
+            td { (trial.moves()) }
         }
     }
 }
@@ -261,6 +256,9 @@ mod tests {
 
     #[test]
     fn a_long_way_has_no_centimetres() {
-        assert_eq!([1.5, 99.994, 146_168.9].map(metres), ["1.50 m", "99.99 m", "146169 m"]);
+        let moves =
+            |metres: f64| Trial { moved: Some(metres), ..trial("a", 0.0, Severity::Note) }.moves();
+        let expected = ["1.50 m", "99.99 m", "1500 m", "146 km"];
+        assert_eq!([1.5, 99.994, 1500.4, 146_168.9].map(moves), expected);
     }
 }

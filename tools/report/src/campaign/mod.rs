@@ -5,7 +5,7 @@ mod nees;
 
 use crate::page::{document, footer, picture, scenario_section, titled};
 use maud::{Markup, html};
-use navfuse_campaign::words::{band, begins, number, ratio};
+use navfuse_campaign::words::{band, begins, number, ratio, three};
 use navfuse_campaign::{
     Band, Campaign, Component, Judged, PointReport, PointStatistics, Results, StateReport,
 };
@@ -163,10 +163,10 @@ fn states(campaign: &Campaign, point: &PointReport) -> Markup {
                     tr class=[begins(&point.states, k).then_some("first")] {
                         (name(&point.states, k))
                         td.name { (s.component.component) }
-                        td { (number(s.rmse)) } td { (number(s.sigma)) }
+                        td { (three(s.rmse)) } td { (three(s.sigma)) }
                         td { (ratio(s.rmse_over_sigma)) }
-                        td.more { (number(s.bound)) } td { (ratio(s.rmse_over_bound)) }
-                        td.more { (number(s.mean_error)) } td.name { (s.component.unit) }
+                        td.more { (three(s.bound)) } td { (ratio(s.rmse_over_bound)) }
+                        td.more { (three(s.mean_error)) } td.name { (s.component.unit) }
                     }
                 }
             }
