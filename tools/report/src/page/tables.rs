@@ -193,7 +193,7 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "sensor" } th.name.more { "type" } th.name { "for" } th { "read" }
+                th { "sensor" } th.name.more { "type" } th.name.more { "for" } th { "read" }
                 th { "used" }
                 th { "gated" } th { "rejected" } th { "mean NIS" } th { "expected" } th { "band" }
             } }
@@ -206,7 +206,7 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
                     tr.first {
                         th { (sensor.name) }
                         td.name.more { (sensor.kind.as_deref().unwrap_or_default()) }
-                        td.name { (word(sensor)) }
+                        td.name.more { (word(sensor)) }
                         td { (sensor.read) }
                         @if sensor.measures() {
                             td { (updates.outcomes.accepted + updates.outcomes.placed) } td { (updates.outcomes.gated) }
@@ -396,7 +396,7 @@ pub(super) fn events(history: &RunHistory) -> Markup {
                 tbody {
                     @for event in &history.events {
                         tr class=[(event.level > Level::Info).then_some("bad")] {
-                            td { (event.time) } td.name { (word(event.level)) }
+                            td { (event.time) } td.name.more { (word(event.level)) }
                             td.name { (event.about) } td.text { (event.text) }
                         }
                     }
