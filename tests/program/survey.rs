@@ -1,6 +1,6 @@
 //! Faults of the aids of a survey under water, each for 300 s: the table of docs/src/how-to/survey.md.
 
-use crate::common::{parallel, run_without_sinks, scenario};
+use crate::common::{command, parallel, run_without_sinks, scenario};
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::VerdictLevel;
 
@@ -43,4 +43,19 @@ fn a_fault_of_each_aid_is_contained_and_named() {
     });
     let failed: Vec<String> = failed.into_iter().flatten().collect();
     assert!(failed.is_empty(), "{failed:#?}");
+}
+
+/// The survey has two driving sensors: the IMU and the navigation of the ship.
+#[test]
+fn the_log_has_each_part_of_a_simulated_trajectory_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = folder.path().join("survey.html");
+    let mut report = command();
+    report.arg("report").arg(scenario("survey")).arg("--out").arg(&page);
+    report.args(["--set", "estimator.stop=100 s", "--set", "sensor.imu.simulation.rate=20 Hz"]);
+    assert!(report.output().is_ok_and(|output| output.status.success()));
+    let page = std::fs::read_to_string(page).expect("the page");
+    for part in ["surge from 60 s to 80 s", "square leg 1 from 80 s to 280 s"] {
+        assert_eq!(page.matches(part).count(), 1, "{part}");
+    }
 }

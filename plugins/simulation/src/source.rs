@@ -72,6 +72,8 @@ fn streams<P: Piece>(
 ) -> Result<Vec<Box<dyn Source>>, StreamError> {
     let composition = context.composition;
     let mut streams: Vec<Box<dyn Source>> = Vec::new();
+    // another driving sensor, such as the navigation of a ship, follows the same trajectory
+    let mut announced = false;
     for (index, sensor) in composition.sensors.iter().enumerate() {
         let Some(faults) = &sensor.simulation else { continue };
         check(faults, &sensor.info)?;
@@ -90,7 +92,7 @@ fn streams<P: Piece>(
         };
         let end = Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX);
         let mut stream = SensorStream::new(composition, index, faults, injector, kind, path, end);
-        stream.announce(trajectory);
+        announced = announced || stream.announce(trajectory);
         streams.push(Box::new(stream));
     }
     if streams.is_empty() {
@@ -279,9 +281,11 @@ impl<P: Piece> SensorStream<P> {
         stream
     }
 
-    /// Announces the parts of the trajectory in the log, once: with the driving sensor.
-    fn announce(&mut self, trajectory: &Trajectory<P>) {
-        if matches!(self.kind, Simulated::Driving(_)) {
+    /// Announces the parts of the trajectory in the log if the sensor drives a process, and returns
+    /// `true` in that case.
+    fn announce(&mut self, trajectory: &Trajectory<P>) -> bool {
+        let drives = matches!(self.kind, Simulated::Driving(_));
+        if drives {
             self.schedule = (trajectory.segments())
                 .filter_map(|s| {
                     let text = format!("{} from {:.0} s to {:.0} s", s.label, s.start, s.end);
@@ -294,6 +298,7 @@ impl<P: Piece> SensorStream<P> {
                 })
                 .collect();
         }
+        drives
     }
 
     /// The time of the sample of that number.
