@@ -3,7 +3,6 @@
 mod sensors;
 
 use crate::blueprint::{FRAME, Layout, height};
-use crate::legend;
 use crate::map::Graticule;
 use crate::overview;
 use crate::plots::{Plots, end_of_run};
@@ -26,8 +25,8 @@ use re_sdk_types::blueprint::components::BackgroundKind;
 use re_sdk_types::components::{self, Plane3D};
 
 /// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
-/// fits into a view of 2 asin(1 / 2.3), 52 degrees.
-const EYE: f32 = 2.3;
+/// fits into a view of 2 asin(1 / 2.5), 47 degrees, and the labels of its distances into one of 55 degrees.
+const EYE: f32 = 2.5;
 /// Direction of the eye from the middle of the track, and from a vehicle that it follows, of length
 /// one: south and above, so that north is ahead and east to the right.
 const SEEING_ALL: [f32; 3] = [-0.75, -0.25, -0.61];
@@ -36,13 +35,12 @@ const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Number of lanes beside those of the sensors, once a run is over: time and colours.
+/// Number of lanes beside those of the sensors: time, and colours once a run is over.
 const LEGENDS: usize = 2;
 /// Height of a small window (1280x720) and of a usual one (1600x1000) without their panels, pixels.
 const SMALL: f64 = 645.0;
 const USUAL: f64 = 900.0;
-/// Least and greatest share of the lanes in the height. The last one is for many sensors, whose table is not
-/// on the page; above the highest ones the page of a run that goes on has room.
+/// Least and greatest share of the lanes in the height; the last one is for many sensors.
 const LANES: [f64; 3] = [0.36, 0.62, 0.66];
 /// Share of plot and table below the page: the error from -4 to 4 sigma has a number at every sigma of a
 /// small window, and all rows of the table are there.
@@ -141,23 +139,18 @@ impl Layout {
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
         let places = run.track.as_ref().map(|motion| self.places(motion));
-        let lanes = self.health();
-        let name = "Overview";
+        let contents = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
+        let lanes = self.lanes("Health of the sensors", &contents);
         let shares = |below: f64| [1.0 - below, below].map(|share| share as f32);
-        if !self.ranges {
-            let top = match places {
-                Some([plan, follow]) => Horizontal::new([plan, follow, page])
-                    .with_column_shares(vec![1.0, 1.0, 1.6])
-                    .into(),
-                None => page,
-            };
-            // a lane more has the time
-            let shares = shares(share_of(run.lanes.len() + 1));
-            return Vertical::new([top, lanes]).with_row_shares(shares).with_name(name).into();
-        }
-        let below = self.worst_and_states(run);
-        let below = Horizontal::new(below).with_column_shares(PLOT_AND_TABLE).into();
-        let right = Vertical::new([page, below]).with_row_shares(shares(BELOW_PAGE));
+        // while the run goes on, the page has the whole height
+        let right = match self.ranges {
+            true => {
+                let below = self.worst_and_states(run);
+                let below = Horizontal::new(below).with_column_shares(PLOT_AND_TABLE).into();
+                Vertical::new([page, below]).with_row_shares(shares(BELOW_PAGE)).into()
+            }
+            false => page,
+        };
         let left = match places {
             Some(places) => {
                 let top = Horizontal::new(places).with_column_shares(TRACK_AND_VEHICLE).into();
@@ -166,29 +159,24 @@ impl Layout {
             }
             None => lanes,
         };
-        Horizontal::new([left, right.into()]).with_column_shares(HALVES).with_name(name).into()
+        Horizontal::new([left, right]).with_column_shares(HALVES).with_name("Overview").into()
     }
 
     /// The track from above, and the view that follows the vehicle.
     fn places(&mut self, motion: &Motion) -> [ContainerLike; 2] {
         let name = enlarged("From above", motion, self.ranges);
-        let view = Spatial2DView::new(name.as_str());
+        // while a run goes on, its plan is moved into the square that the view shows
+        let watched = self.latest.is_some();
+        let view =
+            Spatial2DView::new(name.as_str()).with_origin(if watched { "/" } else { "/plan" });
         let contents = ["+ /plan/**", "- /plan/polar/**"];
-        let view = ContainerLike::from(view.with_origin("/plan").with_contents(contents));
-        if let Some(plan) = crate::plan::Plan::new(&motion.extent).filter(|_| self.ranges) {
-            self.set(&view, "VisualBounds2D", plan.bounds());
+        let view = ContainerLike::from(view.with_contents(contents));
+        let plan = crate::plan::Plan::new(&motion.extent).filter(|_| self.ranges);
+        let square = watched.then(crate::plan::square);
+        if let Some(bounds) = plan.map(|plan| plan.bounds()).or(square) {
+            self.set(&view, "VisualBounds2D", bounds);
         }
         [view, self.follow("Follows the vehicle", motion)]
-    }
-
-    /// The health of the sensors. What the colours mean stands on a lane of its own, and in the title while
-    /// the run goes on.
-    fn health(&mut self) -> ContainerLike {
-        let title = match self.ranges {
-            true => "Health of the sensors".to_owned(),
-            false => format!("Health: {}", legend::in_words()),
-        };
-        self.lanes(&title, &["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}")))
     }
 
     /// The plot of the worst state, and the table of all states.

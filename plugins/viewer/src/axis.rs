@@ -100,16 +100,22 @@ pub fn ticks([low, high]: [f64; 2], pixels: f64) -> usize {
 
 /// A number with three digits.
 pub fn short(x: f64) -> String {
-    if x == 0.0 || !x.is_finite() {
-        return format!("{x}");
+    if x == 0.0 {
+        return "0".to_owned();
     }
-    let digits = 2 - x.abs().log10().floor() as i32;
+    // the power of the rounded number: 9.999 is 10.0
+    let rounded = format!("{x:.2e}");
+    let Some(power) = rounded.split_once('e').and_then(|(_, power)| power.parse::<i32>().ok())
+    else {
+        return format!("{x}");
+    };
+    let digits = 2 - power;
     if (0..=7).contains(&digits) {
         format!("{x:.*}", digits as usize)
     } else if digits < 0 {
         format!("{x:.0}")
     } else {
-        format!("{x:.2e}")
+        rounded
     }
 }
 
@@ -186,5 +192,7 @@ mod tests {
     fn numbers_have_three_digits() {
         assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98765"]);
         assert_eq!(short(1.5e-9), "1.50e-9");
+        // rounded up to the next power, and no negative zero
+        assert_eq!([0.0099999, 9.9999, -0.0].map(short), ["0.0100", "10.0", "0"]);
     }
 }

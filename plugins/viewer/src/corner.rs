@@ -1,6 +1,6 @@
 //! The place of the legend in a plot: the corner that the lines cover least, or room above them.
 
-use crate::blueprint::height;
+use crate::blueprint::{Layout, height};
 use crate::history::Row;
 use re_sdk::blueprint::components::Corner2D;
 
@@ -106,6 +106,27 @@ pub fn quietest<const N: usize, const M: usize>(
     }
 }
 
+impl Layout {
+    /// Gives the next plot, one of `columns` beside one another, a legend with these names where it covers
+    /// none of the points (time in s, value), or has room above them. Returns the range of the plot.
+    pub fn legend_beside(
+        &mut self,
+        names: &[&str],
+        points: &[[f64; 2]],
+        columns: usize,
+        range: [f64; 2],
+    ) -> [f64; 2] {
+        let rows: Vec<Row<1>> = points.iter().map(|p| ((1e9 * p[0]) as i64, [p[1]])).collect();
+        let times = || rows.iter().map(|row| row.0);
+        let span = self.span.or_else(|| times().min().zip(times().max()));
+        let letters = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+        let legend = Legend { lines: names.len(), letters, columns, rows: self.rows };
+        let lines = (|row: &[f64; 1]| *row, 1);
+        let place = quietest(&rows, lines, (span.unwrap_or_default(), range), legend);
+        self.legend_at(&place, true, range)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,6 +160,15 @@ mod tests {
         // a line that begins in the middle of the plot leaves its left half free
         let late: Vec<Row<1>> = rows(|_| 0.9).into_iter().skip(50).collect();
         assert_eq!(place(&late, 1).corner, Corner2D::LeftTop);
+    }
+
+    /// A comparison has one legend on its page, of a difference that ends in the corner at the top.
+    #[test]
+    fn a_legend_beside_points_leaves_the_corner_in_which_they_end() {
+        let mut layout = Layout::new(true);
+        let points: Vec<[f64; 2]> = (0..=100).map(|k| [f64::from(k), f64::from(k)]).collect();
+        let range = layout.legend_beside(&["B - A"], &points, 3, [0.0, 100.0]);
+        assert_eq!((layout.corner, range), (Corner2D::LeftTop, [0.0, 100.0]));
     }
 
     /// Lines in all corners leave the legend room above them; bounds there do not matter.

@@ -13,6 +13,7 @@ use navfuse_core::model::chi_square;
 use navfuse_core::model::record::health::Judgement;
 use navfuse_core::model::record::latest::{LATEST, Latest};
 use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::mounting::Reach;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::sample::Channel;
@@ -39,6 +40,8 @@ pub struct Innovations {
     /// The plot; `None` until the series are written, and for a channel that is not measured.
     pub plot: Option<Plot>,
     quantity: Quantity,
+    /// Set for a height above the ground with which beams are drawn.
+    aids: bool,
     /// Innovation and sigma.
     accepted: History<2>,
     gated: History<1>,
@@ -90,8 +93,11 @@ impl SensorSeries {
         if info.purpose != Purpose::Measurement {
             return None;
         }
-        let channels = info.channels.iter().map(|channel| Innovations {
+        let beams = info.mounting.beams();
+        let aids = |k: usize| beams.iter().any(|beam| beam.reach == Reach::Altitude(k));
+        let channels = info.channels.iter().enumerate().map(|(k, channel)| Innovations {
             path: path(&["innovation", &info.name, &channel.name]),
+            aids: aids(k),
             plot: None,
             quantity: quantity(channel),
             accepted: History::new([0], full),
@@ -343,7 +349,7 @@ impl Innovations {
     /// Returns `true` for a channel with a plot: before the end of a run, for one that can have
     /// innovations.
     pub fn is_shown(&self, over: bool) -> bool {
-        if over { self.plot.is_some() } else { !self.quantity.is_accuracy() }
+        if over { self.plot.is_some() } else { !self.quantity.is_accuracy() && !self.aids }
     }
 
     fn write(
@@ -425,5 +431,27 @@ impl Innovations {
         let sigma = accepted.iter().rev().map(|r| 3.0 * r.1[1]).find(|s| s.is_finite());
         let size = sigma.or_else(|| gated.last().map(|r| r.1[0].abs()));
         axis::scale(&self.quantity.unit, size.unwrap_or(f64::NAN))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::model::sensor::mounting::{Beam, Mounting};
+
+    /// While a run goes on, nothing else shows that a channel has no innovations: its plot would stay empty.
+    #[test]
+    fn a_height_that_only_ends_beams_has_no_plot_of_innovations() {
+        let beam = Beam { direction: [0.0, 0.0, 1.0], channel: None, reach: Reach::Altitude(1) };
+        let info = SensorInfo {
+            name: "dvl".into(),
+            kind: "dvl".into(),
+            channels: vec![Channel::new("vel_x", "m/s"), Channel::new("altitude", "m")],
+            purpose: Purpose::Measurement,
+            mounting: Mounting::default().with_beams([beam]),
+        };
+        let series = SensorSeries::new(&info, false);
+        let shown = series.iter().flat_map(|s| &s.channels).map(|c| c.is_shown(false));
+        assert_eq!(shown.collect::<Vec<_>>(), [true, false]);
     }
 }

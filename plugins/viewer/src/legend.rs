@@ -3,7 +3,7 @@
 
 use crate::lane::WAITING;
 use crate::recording::Recording;
-use crate::strip::{self, BELOW, BESIDE, LETTER, MARGINS, has_room, without_word};
+use crate::strip::{self, BESIDE, LETTER, MARGINS, has_room, without_word};
 use crate::style::{Colour, path};
 use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
@@ -16,6 +16,8 @@ use std::collections::BTreeMap;
 const TIMES: f64 = 8.0;
 /// Colours of the strip of seconds, in turns.
 const SHADES: [Colour; 2] = [[44, 48, 56], [66, 72, 82]];
+/// Width of the strips in a usual window (1600x1000), pixels.
+const USUAL: f64 = 720.0;
 /// Gap behind a word of the strip of colours, pixels: the lane of a sensor has none between its states.
 const GAP: f64 = 6.0;
 
@@ -90,8 +92,8 @@ impl Clock {
     /// # Errors
     /// When the strip cannot be encoded.
     pub fn show(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        let marks = marks(span, BELOW);
-        let changes = self.changes(&marks);
+        let marks = marks(span, BESIDE);
+        let changes = self.changes(&marks, span);
         if changes.is_empty() {
             return Ok(());
         }
@@ -109,33 +111,40 @@ impl Clock {
     pub fn write(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
         let (entity, marks) = (path(&["clock"]), marks(span, BESIDE));
         recording.log_static(&entity, &look_of(&marks))?;
-        for (time, state) in self.changes(&marks) {
-            if !marks.contains(&time) {
-                recording.log_to_viewers(&entity, time, &StateChange::single(state))?;
-            }
-        }
         // the file has none of the marks before
-        marks.iter().try_for_each(|mark| {
-            recording.log(&entity, *mark, &StateChange::single(seconds(*mark)))
+        for mark in marks.iter().copied() {
+            recording.log(&entity, mark, &StateChange::single(seconds(mark)))?;
+            self.written.insert(mark, seconds(mark));
+        }
+        self.changes(&marks, span).into_iter().try_for_each(|(mark, state)| {
+            recording.log_to_viewers(&entity, mark, &StateChange::single(state))
         })
     }
 
-    /// The states that make the strip one with these marks: a mark that is none any more continues the
-    /// stretch before it, without a word.
-    fn changes(&mut self, marks: &[i64]) -> Vec<(i64, String)> {
-        let before = |time: i64| marks.iter().rev().find(|mark| **mark < time);
-        let gone = self.written.keys().filter(|time| !marks.contains(time));
-        let gone = gone.map(|time| (*time, before(*time).map_or_else(String::new, continued)));
-        let all: BTreeMap<i64, String> =
-            gone.chain(marks.iter().map(|mark| (*mark, seconds(*mark)))).collect();
+    /// The states that make the strip one with these marks, in a run between those times, ns: a mark that is
+    /// none any more begins a piece of the stretch before it. The first piece with room for the word has it.
+    fn changes(&mut self, marks: &[i64], (first, last): (i64, i64)) -> Vec<(i64, String)> {
+        let mut begins: Vec<i64> = self.written.keys().chain(marks).copied().collect();
+        begins.sort_unstable();
+        begins.dedup();
+        let pixels = |length: i64| USUAL * length as f64 / (last - first).max(1) as f64;
+        let mut all = BTreeMap::new();
+        for (k, mark) in marks.iter().enumerate() {
+            let end = marks.get(k + 1).copied().unwrap_or(last);
+            let pieces: Vec<i64> =
+                begins.iter().copied().filter(|t| (*mark..end.max(mark + 1)).contains(t)).collect();
+            let word = seconds(*mark);
+            let length = |k: usize| pieces.get(k + 1).copied().unwrap_or(end) - pieces[k];
+            let places = || 0..pieces.len();
+            let room = places().find(|k| has_room(&word, pixels(length(*k))));
+            let named = room.or_else(|| places().max_by_key(|k| length(*k)));
+            all.extend(pieces.iter().enumerate().map(|(k, begin)| {
+                (*begin, if Some(k) == named { word.clone() } else { without_word(&word) })
+            }));
+        }
         let old = std::mem::replace(&mut self.written, all.clone());
         all.into_iter().filter(|(time, state)| old.get(time) != Some(state)).collect()
     }
-}
-
-/// The state of the rest of a stretch that begins at a mark.
-fn continued(mark: &i64) -> String {
-    without_word(&seconds(*mark))
 }
 
 /// The look of the strip of seconds with those marks.
@@ -195,26 +204,35 @@ mod tests {
     }
 
     /// Viewers keep what they were sent: once the marks are 50 s apart instead of 20 s, those at 20, 40, 60
-    /// and 80 s continue the stretches before them, and all others are as in a strip that begins then.
+    /// and 80 s begin pieces of the stretches before them. In a run of 250 s a word of 3 letters needs 29 of
+    /// 720 pixels, 11 s, and one of 4 letters 13 s: of the stretch from 50 s on, the piece from 60 s on has room.
     #[test]
-    fn marks_that_a_longer_run_has_no_more_continue_the_stretch_before_them() {
+    fn marks_that_a_longer_run_has_no_more_leave_a_word_to_each_stretch() {
         let second = 1_000_000_000;
+        let of = |marks: &[i64]| marks.iter().map(|s| s * second).collect::<Vec<_>>();
         let mut clock = Clock::default();
-        let first = clock.changes(&[0, 20, 40, 60, 80].map(|s| s * second));
+        let first = clock.changes(&of(&[0, 20, 40, 60, 80]), (0, 100 * second));
         assert_eq!(first[1], (20 * second, "20 s".to_owned()));
         assert_eq!(first.len(), 5);
-        let then = clock.changes(&[0, 50, 100].map(|s| s * second));
+        let span = (0, 250 * second);
+        let then = clock.changes(&of(&[0, 50, 100]), span);
         let expected = [
             (20, "0 s "),
             (40, "0 s "),
-            (50, "50 s"),
-            (60, "50 s "),
+            (50, "50 s "),
+            (60, "50 s"),
             (80, "50 s "),
             (100, "100 s"),
         ];
         let expected = expected.map(|(time, state)| (time * second, state.to_owned()));
         assert_eq!(then, expected);
-        assert_eq!(clock.changes(&[0, 50, 100].map(|s| s * second)), []);
+        assert_eq!(clock.changes(&of(&[0, 50, 100]), span), []);
+        // in a run of 4000 s the word of the first stretch has room from 100 s on
+        clock.changes(&of(&[0, 500]), (0, 4000 * second));
+        let named: Vec<&String> =
+            clock.written.values().filter(|word| !word.ends_with(' ')).collect();
+        assert_eq!(named, ["0 s", "500 s"]);
+        assert_eq!(clock.written[&(100 * second)], "0 s");
     }
 
     #[test]

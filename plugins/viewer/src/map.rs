@@ -10,9 +10,9 @@ use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::GeoLineStrings;
 use re_sdk_types::components::Radius;
 
-/// Height and width of the graticule on the map, pixels: it fits into the map of a small window
-/// (1280x720).
-const MAP_PIXELS: [f64; 2] = [262.0, 500.0];
+/// Height and width of the graticule on the map, pixels: it fits into the map of a small window (1280x720),
+/// 290 high and 550 wide, with the names of the meridians above it and those of the parallels at its left.
+const MAP_PIXELS: [f64; 2] = [244.0, 390.0];
 /// Height and width of the map of a usual window (1600x1000), pixels: what is within view.
 const VIEW: [f64; 2] = [450.0, 700.0];
 /// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
@@ -144,8 +144,8 @@ impl Graticule {
         recording.log_static(&path(&["map", "labels"]), &labels)
     }
 
-    /// The names of the lines and a scale as strokes, deg: parallels have their names at the west edge,
-    /// meridians in the middle above their north end, and the scale is in the south-east.
+    /// The names of the lines and a scale as strokes, deg, where no track is: parallels have their names beyond
+    /// their west end, meridians in the middle above their north end, and the scale is below the south-east.
     fn labels(&self) -> Vec<Vec<[f64; 2]>> {
         let [[south, north], [west, east]] =
             self.lines.map(|lines| lines.map(|line| line * self.spacing));
@@ -168,21 +168,25 @@ impl Graticule {
             })
         };
         let mut labels = Vec::new();
-        for (line, name) in names(0).filter(|(line, _)| *line < north) {
-            labels.extend(write(&name, line + APART * pixels[0], west + APART * pixels[1]));
+        for (line, name) in names(0) {
+            let start = west - (width(&name, LETTER) + APART) * pixels[1];
+            labels.extend(write(&name, line - 0.5 * LETTER * pixels[0], start));
         }
         // names that need more than a mesh leave out every second one, and so on
-        let wide = width("00°00.0'W", LETTER) + 2.0 * APART;
+        let widths = names(1).map(|(_, name)| width(&name, LETTER));
+        let wide = widths.fold(0.0, f64::max) + 2.0 * APART;
         let every = (wide * pixels[1] / self.spacing).ceil().max(1.0) as usize;
         for (line, name) in names(1).step_by(every) {
             let middle = line - 0.5 * width(&name, LETTER) * pixels[1];
-            labels.extend(write(&name, north + APART * pixels[0], middle));
+            // above the half of a letter by which the name of the parallel there is higher
+            let above = north + (0.5 * LETTER + 2.0 * APART) * pixels[0];
+            labels.extend(write(&name, above, middle));
         }
         // half of the next round length fits into half of the width
         let metres = MINUTE * cosine * (east - west);
         let length = 0.5 * round(0.3 * metres);
         let (name, side) = (distance(length as f32, length as f32), length / MINUTE / cosine);
-        let (at, end) = (south + 2.0 * APART * pixels[0], east - 2.0 * APART * pixels[1]);
+        let (at, end) = (south - (LETTER + 3.0 * APART) * pixels[0], east);
         let tick = at + APART * pixels[0];
         let bar = [[tick, end - side], [at, end - side], [at, end], [tick, end]];
         labels.push(bar.map(|place| place.map(|minutes| minutes / 60.0)).to_vec());
@@ -261,26 +265,31 @@ mod tests {
         assert!(far.0 == 0 && !far.1.contains("coast"), "{far:?}");
     }
 
-    /// Between 43 deg 6' and 7.5' N are three lines with names, and a scale. The names of the meridians
-    /// are above the graticule, each in the middle of its line.
+    /// No track is outside of the graticule. The four parallels have their names west of it, the meridians
+    /// above it, each in the middle of its line, and the scale is below it.
     #[test]
-    fn names_and_scale_are_inside_the_graticule_or_above_their_line() {
+    fn names_are_beyond_the_ends_of_their_lines() {
         let graticule = Graticule::new(&extent([[43.104, -5.3733], [43.121, -5.3563]]));
         let labels = graticule.map(|g| g.labels()).unwrap_or_default();
         let points = || labels.iter().flatten();
-        let inside = |[lat, lon]: &&[f64; 2]| {
-            (43.1 - 1e-9..=43.125 + 1e-9).contains(lat)
-                && (-5.375 - 1e-9..=-5.35 + 1e-9).contains(lon)
+        // half a mesh, 0.25', beside the first or the last line, and above the name of the last parallel
+        let above = |[lat, lon]: &[f64; 2]| {
+            (43.126..43.128).contains(lat) && (-5.375 - 0.0042..-5.35 + 0.0042).contains(lon)
         };
-        let (inside, above): (Vec<_>, Vec<_>) = points().partition(inside);
-        assert!(inside.len() > above.len() / 2 && !above.is_empty(), "{labels:?}");
-        // half a mesh, 0.25', beside the first or the last line, and a letter above
-        let near = |[lat, lon]: &[f64; 2]| {
-            (43.125..43.128).contains(lat) && (-5.375 - 0.0042..-5.35 + 0.0042).contains(lon)
+        // a graticule of 1.5' is 244 pixels high: half a letter, 5 pixels, above and below a line
+        let half = 5.01 * 1.5 / 244.0 / 60.0;
+        let beside = |[lat, lon]: &[f64; 2]| {
+            let line = (lat * 120.0).round() / 120.0;
+            (lat - line).abs() < half && *lon < -5.375
         };
-        assert!(above.into_iter().all(near), "{labels:?}");
-        // 9 letters with a stroke at least, three times, and the scale
-        assert!(labels.len() > 28, "{}", labels.len());
+        // 22 pixels below the last parallel
+        let below = |[lat, lon]: &[f64; 2]| {
+            (43.1 - 4.4 * half..43.1).contains(lat) && (-5.375..-5.35 + 1e-9).contains(lon)
+        };
+        assert!(points().all(|p| above(p) || beside(p) || below(p)), "{labels:?}");
+        assert!(points().any(below));
+        // 9 letters with a stroke at least, four times, and the scale
+        assert!(labels.len() > 37, "{}", labels.len());
     }
 
     #[test]

@@ -15,7 +15,8 @@ use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
-/// Greatest number of sensors whose table has room on the page; that of more stands under the states.
+/// Greatest number of rows of the table of the sensors on the page, which has two sensors in a row if there
+/// are more. Once the run is over, the table stands under the states if there are more than twice as many.
 pub const MANY: usize = 7;
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
@@ -53,16 +54,24 @@ pub fn page(
     bad::write(&mut page, &run.lanes, &run.sensors, verdict, now);
     determined::write(&mut page, &run.blocks, left);
     errors.answer(&mut page, verdict, &run.blocks);
-    if run.lanes.len() <= MANY {
+    if on_page(run, verdict) {
         write_sensors(&mut page, &run.lanes, verdict);
     }
+    if verdict.is_none() {
+        let _ = writeln!(page, "\nColours of the strips: {}.", crate::legend::in_words());
+    }
     page
+}
+
+/// Returns `true` if the table of the sensors is on the page.
+fn on_page(run: &Run, verdict: Option<&Verdict>) -> bool {
+    verdict.is_none() || run.lanes.len() <= 2 * MANY
 }
 
 /// The table of the states, and that of many sensors.
 pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
     let mut page = errors::states(run);
-    if run.lanes.len() > MANY {
+    if !on_page(run, verdict) {
         write_sensors(&mut page, &run.lanes, verdict);
     }
     page
@@ -104,28 +113,37 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
     }
 }
 
-/// The numbers of samples of each sensor.
+/// The numbers of samples of each sensor, two sensors in a row if there are many.
 fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdict>) {
+    let beside = if lanes.len() > MANY { 2 } else { 1 };
     let nis = if verdict.is_some() { "NIS (expected)" } else { "NIS of the last 25 (expected)" };
-    let _ = writeln!(page, "\n| sensor | used | gated | rejected | {nis} |");
-    page.push_str("|---|--:|--:|--:|--:|\n");
-    for lane in lanes {
-        let rejected = lane.outcomes.all_rejected();
-        let whole = verdict.and_then(|v| v.sensor(&lane.name)).map(|s| {
-            let mark = if s.inside { "" } else { " **!**" };
-            format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
+    let joined = |part: &str| vec![part; beside].join(" | ");
+    let _ =
+        writeln!(page, "\n| {} |", joined(&format!("sensor | used | gated | rejected | {nis}")));
+    let _ = writeln!(page, "| {} |", joined("--- | --: | --: | --: | --:"));
+    let rows = lanes.len().div_ceil(beside);
+    for row in lanes[..rows].iter().enumerate().map(|(k, first)| [Some(first), lanes.get(rows + k)])
+    {
+        let cells = row.iter().take(beside).map(|lane| match lane {
+            Some(lane) => cells(lane, verdict),
+            None => " | | | |".to_owned(),
         });
-        let latest = lane.lane.nis().filter(|_| verdict.is_none());
-        let latest = latest.map(|[mean, expected]| format!("{mean:.2} ({expected:.2})"));
-        let nis = whole.or(latest).unwrap_or_default();
-        let _ = writeln!(
-            page,
-            "| **{}** | {} | {} | {rejected} | {nis} |",
-            lane.name,
-            lane.outcomes.accepted + lane.outcomes.placed,
-            lane.outcomes.gated,
-        );
+        let _ = writeln!(page, "| {} |", cells.collect::<Vec<_>>().join(" | "));
     }
+}
+
+/// The cells of a sensor: name, samples that were used, gated and rejected, and NIS.
+fn cells(lane: &SensorLane, verdict: Option<&Verdict>) -> String {
+    let whole = verdict.and_then(|v| v.sensor(&lane.name)).map(|s| {
+        let mark = if s.inside { "" } else { " **!**" };
+        format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
+    });
+    let latest = lane.lane.nis().filter(|_| verdict.is_none());
+    let latest = latest.map(|[mean, expected]| format!("{mean:.2} ({expected:.2})"));
+    let used = lane.outcomes.accepted + lane.outcomes.placed;
+    let nis = whole.or(latest).unwrap_or_default();
+    let (gated, rejected) = (lane.outcomes.gated, lane.outcomes.all_rejected());
+    format!("**{}** | {used} | {gated} | {rejected} | {nis}", lane.name)
 }
 
 /// A span of time in words.

@@ -5,9 +5,9 @@ use crate::recording::Recording;
 use crate::style::{BOUND, Colour, MARK, TRUTH, path};
 use crate::track::{Extent, Place};
 use navfuse_core::model::stream::StreamError;
-use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D};
+use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D, Transform3D};
 use re_sdk_types::blueprint::archetypes::VisualBounds2D;
-use re_sdk_types::components::{Color, DrawOrder, Radius};
+use re_sdk_types::components::{DrawOrder, Radius};
 use re_sdk_types::datatypes::Range2D;
 
 /// Number of grid lines over the longer side, about.
@@ -18,9 +18,13 @@ const HEADER: f32 = 0.17;
 const NEAR: f32 = 0.07;
 /// Places in the header as shares of the width: the name of the truth, the two ends of the scale of
 /// colours, and north.
-const NAME: f32 = 0.1;
-const SCALE: [f32; 2] = [0.32, 0.76];
+const NAME: f32 = 0.11;
+const SCALE: [f32; 2] = [0.33, 0.73];
 const NORTH: f32 = 0.93;
+/// Shares of the header's height at which the arrow of north ends and begins, with its name below it.
+const ARROW: [f32; 2] = [0.05, 0.55];
+/// Half the side of the square around zero that holds the plan of a run that goes on.
+const SQUARE: f32 = 1.0;
 /// Colour of the grid.
 const GRID: Colour = [58, 62, 70];
 
@@ -30,6 +34,18 @@ type Point = [f32; 2];
 /// The point of a place north, east, down.
 pub fn point(ned: [f32; 3]) -> Point {
     [ned[1], -ned[0]]
+}
+
+/// The bounds of a view between two corners.
+fn between(low: Point, high: Point) -> VisualBounds2D {
+    let range = |k: usize| [f64::from(low[k]), f64::from(high[k])].into();
+    let range = Range2D { x_range: range(0), y_range: range(1) };
+    VisualBounds2D::new(re_sdk_types::blueprint::components::VisualBounds2D(range))
+}
+
+/// The bounds of the plan of a run that goes on: the square into which [`Plan::fit`] moves it.
+pub fn square() -> VisualBounds2D {
+    between([-SQUARE; 2], [SQUARE; 2])
 }
 
 /// The plan of a track.
@@ -62,9 +78,7 @@ impl Plan {
 
     /// The part of the plane that the view shows.
     pub fn bounds(&self) -> VisualBounds2D {
-        let range = |k: usize| [f64::from(self.low[k]), f64::from(self.high[k])].into();
-        let range = Range2D { x_range: range(0), y_range: range(1) };
-        VisualBounds2D::new(re_sdk_types::blueprint::components::VisualBounds2D(range))
+        between(self.low, self.high)
     }
 
     /// Draws grid, tracks and marks; places have a horizontal sigma. The end is marked where the run is
@@ -77,9 +91,6 @@ impl Plan {
         over: bool,
     ) -> Result<(), StreamError> {
         self.draw_grid(recording)?;
-        if !over {
-            self.draw_frame(recording)?;
-        }
         if truth.len() > 1 {
             self.draw_name(recording, compared)?;
             let line = LineStrips2D::new([truth.iter().map(|p| point(p.ned))])
@@ -138,13 +149,20 @@ impl Plan {
         recording.log_static(&path(&["plan", "named", "name"]), &name)
     }
 
-    /// Two corners without size or colour: of a run that goes on, viewers show the box around all that is
-    /// drawn, which would cut the header at its top.
-    fn draw_frame(&self, recording: &Recording) -> Result<(), StreamError> {
-        let corners = Points2D::new([self.low, self.high])
-            .with_colors([Color::from_unmultiplied_rgba(0, 0, 0, 0)])
-            .with_radii([Radius::new_ui_points(0.0)]);
-        recording.log_static_to_viewers(&path(&["plan", "frame"]), &corners)
+    /// Moves and scales the plan of a run that goes on into the square that its view shows: viewers keep the
+    /// bounds of the first layout.
+    pub fn fit(&self, recording: &Recording) -> Result<(), StreamError> {
+        let place = self.in_square();
+        let [east, south] = place.1;
+        let place = Transform3D::from_translation_scale([east, south, 0.0], place.0);
+        recording.log_static_to_viewers(&path(&["plan"]), &place)
+    }
+
+    /// Scale and translation of the plan into the square.
+    fn in_square(&self) -> (f32, Point) {
+        let longer = (0..2).map(|k| self.high[k] - self.low[k]).fold(0.0, f32::max);
+        let scale = 2.0 * SQUARE / longer;
+        (scale, [0, 1].map(|k| -0.5 * scale * (self.low[k] + self.high[k])))
     }
 
     fn draw_grid(&self, recording: &Recording) -> Result<(), StreamError> {
@@ -163,7 +181,7 @@ impl Plan {
         recording.log_static(&path(&["plan", "grid"]), &grid)?;
         let number = |x: f32| distance(x, self.spacing);
         // inside of the edges, which would cut the labels
-        let inside = [0, 1].map(|k| 0.07 * (self.high[k] - self.low[k]));
+        let inside = [0, 1].map(|k| [0.08, 0.07][k] * (self.high[k] - self.low[k]));
         let [left, bottom] = [self.low[0] + inside[0], self.high[1] - inside[1]];
         let right = self.high[0] - 0.7 * inside[0];
         let east = lines(0).filter(|x| *x > left && *x < right);
@@ -178,14 +196,19 @@ impl Plan {
             .with_radii([Radius::new_ui_points(1.0)])
             .with_show_labels(true);
         recording.log_static(&path(&["plan", "distances"]), &ticks)?;
-        let length = 0.6 * (self.edge - self.low[1]);
-        let north = Arrows2D::from_vectors([[0.0, -length]])
-            .with_origins([self.header(NORTH, 0.75)])
+        // a label of the arrow itself would cover its middle
+        let [tip, foot] = ARROW.map(|share| self.header(NORTH, share));
+        let north = Arrows2D::from_vectors([[0.0, tip[1] - foot[1]]])
+            .with_origins([foot])
             .with_colors([BOUND])
-            .with_radii([Radius::new_ui_points(2.0)])
+            .with_radii([Radius::new_ui_points(2.0)]);
+        recording.log_static(&path(&["plan", "north"]), &north)?;
+        let name = Points2D::new([foot])
             .with_labels(["north"])
+            .with_colors([BOUND])
+            .with_radii([Radius::new_ui_points(1.0)])
             .with_show_labels(true);
-        recording.log_static(&path(&["plan", "north"]), &north)
+        recording.log_static(&path(&["plan", "north", "name"]), &name)
     }
 
     /// A bar with the colours of sigma, and under it the smallest and the largest value with the name between
@@ -238,8 +261,9 @@ mod tests {
         assert_eq!([0.013, 1.0, 3.0, 180.0, 700.0].map(round), [0.02, 1.0, 5.0, 200.0, 1000.0]);
     }
 
-    /// The scale of colours is no object of the map: it is beyond the grid and the tracks. The places of
-    /// its labels are a quarter of the width apart, and those of its neighbours more than a tenth.
+    /// The scale of colours is no object of the map: it is beyond the grid and the tracks. The narrowest plan
+    /// of a usual window, that of a survey with ten sensors, is 300 pixels wide, and a label of 7 letters of 6
+    /// pixels with its margins 58: a fifth of the width.
     #[test]
     fn the_header_is_above_the_grid_and_its_labels_are_apart() {
         let extent =
@@ -250,8 +274,23 @@ mod tests {
         assert!(lowest < -300.0 && plan.header(0.0, 0.0)[1] == plan.low[1], "{lowest}");
         let middle = 0.5 * (SCALE[0] + SCALE[1]);
         let places = [NAME, SCALE[0], middle, SCALE[1], NORTH];
-        assert!(places.windows(2).all(|pair| pair[1] - pair[0] > 0.15), "{places:?}");
+        assert!(places.windows(2).all(|pair| pair[1] - pair[0] > 58.0 / 300.0), "{places:?}");
         assert!(plan.near([0.0, 0.0], [0.0, 20.0]) && !plan.near([0.0, 0.0], [0.0, 200.0]));
+    }
+
+    /// A track that grows stays in view, with its header, and fills the longer side.
+    #[test]
+    fn the_plan_of_a_run_that_goes_on_fills_the_square_that_its_view_shows() {
+        for high in [[1.0, 2.0, 0.0], [900.0, 400.0, 5.0], [2000.0, 12_000.0, 5.0]] {
+            let extent = Extent { low: [-50.0, 0.0, 0.0], high, geo: Extent::NONE.geo };
+            let Some(plan) = Plan::new(&extent) else { unreachable!("there is a place") };
+            let (scale, moved) = plan.in_square();
+            let placed = |point: Point| [0, 1].map(|k| scale * point[k] + moved[k]);
+            let corners = [placed(plan.low), placed(plan.high)].concat();
+            let farthest = corners.iter().map(|x| x.abs()).fold(0.0, f32::max);
+            assert!((farthest - SQUARE).abs() < 1e-4, "{corners:?}");
+            assert!((corners[0] + corners[2]).abs() < 1e-4, "{corners:?}");
+        }
     }
 
     #[test]

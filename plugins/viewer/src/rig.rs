@@ -33,9 +33,6 @@ const ROW: f32 = 0.19;
 /// Greatest distance of a label from the vertical through the middle, as a share of the vehicle's length: half
 /// of what the narrowest view, that of the overview, has room for.
 const NAMES: f32 = 0.35;
-/// Greatest number of labels at the places of their sensors; that of more is a column in the middle, since
-/// from the side near and far ones would cover each other.
-const FEW: usize = 4;
 /// Least downward part of a beam's direction at which the altitude determines its length.
 const STEEP: f64 = 0.1;
 
@@ -195,7 +192,8 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
     recording.log_static(&body("sensors"), &sensors)?;
     let heights: Vec<f32> = places.iter().map(|k| ends[*k][2]).collect();
     let named = places.iter().zip(apart(&heights, ROW * vehicle));
-    let most = if places.len() > FEW { 0.0 } else { NAMES * vehicle };
+    // several labels are a column in the middle: from the side, near and far ones would cover each other
+    let most = if places.len() > 1 { 0.0 } else { NAMES * vehicle };
     let named: Vec<[[f32; 3]; 2]> =
         named.map(|(k, height)| [ends[*k], beside(ends[*k], height, most)]).collect();
     let names = Points3D::new(named.iter().map(|pair| pair[1]))

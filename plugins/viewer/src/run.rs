@@ -11,7 +11,7 @@ use crate::samples::SampleSeries;
 use crate::scene;
 use crate::shade::Shades;
 use crate::state::{self, BlockSeries};
-use crate::strip::{BELOW, BESIDE};
+use crate::strip::BESIDE;
 use crate::track::Motion;
 use navfuse_core::model::record::Corrected;
 use navfuse_core::model::record::finding::Finding;
@@ -168,7 +168,7 @@ impl Run {
     /// Draws which sensors are silent now, and the words of the strips, for the viewers that watch.
     pub fn show_health(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
         let span = (self.begun.unwrap_or(now.nanos()), now.nanos());
-        self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BELOW))?;
+        self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         self.clock.show(recording, span)?;
         for sensor in &mut self.sensors {
             let lane = self.lanes.iter().find(|lane| lane.name == sensor.name);

@@ -69,6 +69,9 @@ pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), Str
     draw_estimate(recording, &estimate, track.extent.level(), over)?;
     if let Some(plan) = Plan::new(&track.extent) {
         plan.draw(recording, &estimate, (&truth, track.compared), over)?;
+        if !over {
+            plan.fit(recording)?;
+        }
     }
     if let Some(graticule) = Graticule::new(&track.extent) {
         graticule.draw(recording)?;

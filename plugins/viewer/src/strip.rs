@@ -8,10 +8,10 @@ use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
 use std::collections::BTreeMap;
 
-/// Width of the strips in a small window (1280x720), pixels: beside the page, once the run is over.
+/// Width of the strips in a small window (1280x720), pixels, beside the page.
 pub const BESIDE: f64 = 480.0;
-/// The same below the page, while the run goes on.
-pub const BELOW: f64 = 1240.0;
+/// The same where strips have the whole width.
+pub const ACROSS: f64 = 1240.0;
 /// Width of a letter in a strip, and of the margins of a word, pixels.
 pub(crate) const LETTER: f64 = 7.0;
 pub(crate) const MARGINS: f64 = 8.0;
@@ -96,7 +96,7 @@ mod tests {
         let mut words = Words::default();
         let mut at = |now: i64| {
             let stretches = [(0, 200, "waiting"), (200, 200, "gated"), (200, now, "used")];
-            words.changes(stretches, (now, BELOW))
+            words.changes(stretches, (now, ACROSS))
         };
         assert_eq!(at(204), [(200, "used ".to_owned())]);
         assert_eq!(at(4000), [(200, "used".to_owned())]);

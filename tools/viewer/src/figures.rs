@@ -138,10 +138,14 @@ impl Writer<'_> {
             for panel in panels {
                 // one legend is enough for successive panels with the same curves
                 let curves = legend(panel);
-                self.layout.legend = explained.as_ref() != Some(&curves);
-                explained = Some(curves);
                 let parts = [stem.as_str(), &unique.unique(&panel.title)];
-                let range = write(self.recording, &parts, panel)?;
+                let Drawn { mut range, points } = write(self.recording, &parts, panel)?;
+                self.layout.legend = explained.as_ref() != Some(&curves);
+                if let Some(range) = range.as_mut().filter(|_| self.layout.legend) {
+                    let names: Vec<&str> = curves.iter().map(|(name, _)| name.as_str()).collect();
+                    *range = self.layout.legend_beside(&names, &points, columns, *range);
+                }
+                explained = Some(curves);
                 let contents = [format!("+ {}/**", entity(&parts))];
                 plots.push(self.layout.plot(&title(panel, range), &contents, range));
             }
@@ -260,12 +264,15 @@ impl Extremes {
     }
 }
 
-/// Writes the curves and bands of a panel, and returns their range.
-fn write(
-    recording: &Recording,
-    parts: &[&str],
-    panel: &Panel,
-) -> Result<Option<[f64; 2]>, StreamError> {
+/// What was drawn of a panel.
+struct Drawn {
+    range: Option<[f64; 2]>,
+    /// The points of the curves.
+    points: Vec<[f64; 2]>,
+}
+
+/// Writes the curves and bands of a panel.
+fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Drawn, StreamError> {
     let mut range = Extremes::default();
     let mut names = Names::default();
     for band in &panel.bands {
@@ -277,6 +284,7 @@ fn write(
             send(recording, &mut series, points, panel.y.scale, &mut range)?;
         }
     }
+    let bounds = range.points.len();
     for curve in &panel.curves {
         let path = entity(&[parts, &[names.unique(&curve.name).as_str()]].concat());
         let (colour, width) = stroke(curve.look);
@@ -286,7 +294,7 @@ fn write(
         };
         send(recording, &mut series, curve.points.iter().copied(), panel.y.scale, &mut range)?;
     }
-    Ok(range.range(panel))
+    Ok(Drawn { range: range.range(panel), points: range.points.split_off(bounds) })
 }
 
 /// The track of a run as the viewer overlays it.

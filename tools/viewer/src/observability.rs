@@ -17,8 +17,7 @@ const BITS_INTERVAL: i64 = 1_000_000_000;
 /// Greatest number of strips in one column: with the one of the time they fit into the window.
 const COLUMN: usize = 20;
 /// Titles of the columns of strips.
-const TITLES: [&str; 2] =
-    ["Bits gained: how many times sigma was halved", "Bits gained, continued"];
+const TITLES: [&str; 2] = ["Bits gained: halvings of sigma", "Bits gained, continued"];
 /// Time between two pages while no verdict changes, in units of [`BITS_INTERVAL`].
 const PAGE_INTERVAL: i64 = 30;
 
@@ -139,6 +138,11 @@ impl Followed {
         })
     }
 
+    /// Share of the page in the width: that of a column, but its table needs 530 of 1600 pixels.
+    fn page(&self) -> f64 {
+        (1.0 / (self.columns() + 1) as f64).max(1.0 / 3.0)
+    }
+
     /// Number of columns of strips.
     fn columns(&self) -> usize {
         self.strips.len().div_ceil(COLUMN).max(1)
@@ -148,7 +152,7 @@ impl Followed {
     /// window.
     fn fit(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let (first, last) = self.tracker.span();
-        let width = strip::BELOW / (self.columns() + 1) as f64;
+        let width = (1.0 - self.page()) * strip::ACROSS / self.columns() as f64;
         let run_and_width = ((last - first).nanos(), width);
         let fit = |strip: &mut Strip| strip.fit(recording, last.nanos(), run_and_width);
         self.strips.iter_mut().try_for_each(fit)
@@ -216,6 +220,11 @@ impl Tab for Observability {
             })
             .collect();
         views.push(TextDocumentView::new("What is determined").with_origin(page_entity()).into());
-        Some(Horizontal::new(views).with_name("Observability").into())
+        let page = followed.page();
+        let column = (1.0 - page) / followed.columns() as f64;
+        let mut shares = vec![column as f32; views.len() - 1];
+        shares.push(page as f32);
+        let all = Horizontal::new(views).with_column_shares(shares);
+        Some(all.with_name("Observability").into())
     }
 }

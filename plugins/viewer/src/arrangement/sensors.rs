@@ -30,7 +30,7 @@ impl Layout {
                 Some(plot) => {
                     let range = self.legend_at(&plot.legend, plots.len() < 2, plot.range);
                     let contents = [format!("+ {}/**", channel.path)];
-                    let name = format!("innovation of {} {}", sensor.name, plot.name);
+                    let name = innovation(&sensor.name, &plot.name);
                     plots.push(self.plot(&name, &contents, Some(range)));
                 }
                 None => {
@@ -38,7 +38,7 @@ impl Layout {
                     self.legend = true;
                     let contents = [&sensor.live_entity(k), sensor.live_silence()];
                     let contents = contents.map(|entity| format!("+ {entity}"));
-                    let name = format!("innovation of {} {}", sensor.name, sensor.channel_label(k));
+                    let name = innovation(&sensor.name, &sensor.channel_label(k));
                     plots.push(self.plot(&name, &contents, None));
                 }
             }
@@ -73,5 +73,28 @@ impl Layout {
         }
         let grid = Grid::new(plots).with_grid_columns(columns as u32);
         Some(grid.with_name("Samples").into())
+    }
+}
+
+/// The title of an innovation, with the name of a sensor once if its channel has the same.
+fn innovation(sensor: &str, channel: &str) -> String {
+    match channel.strip_prefix(sensor) {
+        Some(unit) if unit.is_empty() || unit.starts_with(" [") => {
+            format!("innovation of {channel}")
+        }
+        _ => format!("innovation of {sensor} {channel}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_with_a_channel_of_its_name_is_named_once() {
+        assert_eq!(innovation("depth", "depth [mm]"), "innovation of depth [mm]");
+        assert_eq!(innovation("depth", "depth"), "innovation of depth");
+        assert_eq!(innovation("deep", "depth [m]"), "innovation of deep depth [m]");
+        assert_eq!(innovation("dvl", "velocity x [m/s]"), "innovation of dvl velocity x [m/s]");
     }
 }

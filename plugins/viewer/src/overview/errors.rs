@@ -184,7 +184,7 @@ pub fn states(run: &Run) -> String {
     shown.extend(others.into_iter().take(STATES.saturating_sub(corrected)));
     let [error, largest] = match run.simulated {
         true => ["error ± sigma", "largest (sigmas)"],
-        false => ["minus reference ± sigma", "largest (of both)"],
+        false => ["difference ± sigma", "largest (of both)"],
     };
     let mut page = String::new();
     write_corrected(&mut page, &run.corrected);
