@@ -3,6 +3,7 @@
 mod sensors;
 
 use crate::blueprint::{FRAME, Layout, height};
+use crate::eye::{EYE, FOLLOWING, SEEING_ALL, eye};
 use crate::map::Graticule;
 use crate::overview;
 use crate::plots::{Plots, end_of_run};
@@ -20,17 +21,10 @@ use re_sdk::blueprint::{
     Vertical,
 };
 use re_sdk::log::LogMsg;
-use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D, MapZoom};
+use re_sdk_types::blueprint::archetypes::{Background, LineGrid3D, MapZoom};
 use re_sdk_types::blueprint::components::BackgroundKind;
 use re_sdk_types::components::{self, Plane3D};
 
-/// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
-/// fits into a view of 2 asin(1 / 2.5), 47 degrees, and the labels of its distances into one of 55 degrees.
-const EYE: f32 = 2.5;
-/// Direction of the eye from the middle of the track, and from a vehicle that it follows, of length
-/// one: south and above, so that north is ahead and east to the right.
-const SEEING_ALL: [f32; 3] = [-0.75, -0.25, -0.61];
-const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 /// Background of the views in three dimensions.
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
@@ -409,15 +403,6 @@ fn powers(unit: &str) -> String {
 fn share_of(lanes: usize) -> f64 {
     let most = LANES[if lanes > overview::MANY + LEGENDS { 2 } else { 1 }];
     ((LANE[0] * lanes as f64 + LANE[1]) / SMALL).clamp(LANES[0], most)
-}
-
-/// The eye at a distance from a place.
-fn eye(middle: [f32; 3], distance: f32, direction: [f32; 3]) -> EyeControls3D {
-    let position: [f32; 3] = std::array::from_fn(|k| middle[k] + distance * direction[k]);
-    EyeControls3D::new()
-        .with_position(position)
-        .with_look_target(middle)
-        .with_eye_up([0.0, 0.0, -1.0])
 }
 
 /// The name of a view with ellipses or ellipsoids, and by how much they are enlarged where the run

@@ -48,6 +48,7 @@ mod columns;
 mod corner;
 mod derived;
 mod ellipses;
+mod eye;
 mod file;
 mod guides;
 mod history;

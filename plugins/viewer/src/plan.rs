@@ -23,6 +23,8 @@ const SCALE: [f32; 2] = [0.33, 0.73];
 const NORTH: f32 = 0.93;
 /// Shares of the header's height at which the arrow of north ends and begins, with its name below it.
 const ARROW: [f32; 2] = [0.05, 0.55];
+/// Least distance of two labels beside one another as a share of the longer side of the plan.
+const BESIDE: f32 = 0.15;
 /// Half the side of the square around zero that holds the plan of a run that goes on.
 const SQUARE: f32 = 1.0;
 /// Colour of the grid.
@@ -122,6 +124,13 @@ impl Plan {
         self.draw_legend(recording, &scale)
     }
 
+    /// Every which line north has its distance east: labels beside one another need more room than those below
+    /// one another.
+    fn every(&self) -> i64 {
+        let longer = (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]);
+        if self.spacing < BESIDE * longer { 2 } else { 1 }
+    }
+
     /// Returns `true` for two places whose names would cover each other.
     fn near(&self, a: Point, b: Point) -> bool {
         let side = (self.high[0] - self.low[0]).max(self.high[1] - self.edge);
@@ -184,7 +193,9 @@ impl Plan {
         let inside = [0, 1].map(|k| [0.08, 0.07][k] * (self.high[k] - self.low[k]));
         let [left, bottom] = [self.low[0] + inside[0], self.high[1] - inside[1]];
         let right = self.high[0] - 0.7 * inside[0];
-        let east = lines(0).filter(|x| *x > left && *x < right);
+        let every = self.every();
+        let named = |x: &f32| (x / self.spacing).round() as i64 % every == 0;
+        let east = lines(0).filter(|x| *x > left && *x < right && named(x));
         let east = east.map(|x| ([x, bottom], number(x)));
         // the corner belongs to the distances east
         let above = bottom - 0.8 * inside[1];
@@ -276,6 +287,19 @@ mod tests {
         let places = [NAME, SCALE[0], middle, SCALE[1], NORTH];
         assert!(places.windows(2).all(|pair| pair[1] - pair[0] > 58.0 / 300.0), "{places:?}");
         assert!(plan.near([0.0, 0.0], [0.0, 20.0]) && !plan.near([0.0, 0.0], [0.0, 200.0]));
+    }
+
+    /// The plan of a usual window is 390 pixels wide and 410 high, and `-1500 m` with its margins 58 wide.
+    #[test]
+    fn distances_east_do_not_touch_each_other() {
+        for k in 0..100 {
+            let side = 100.0 * 1.05f32.powi(k);
+            let extent = Extent { low: [0.0; 3], high: [side, side, 0.0], geo: Extent::NONE.geo };
+            let Some(plan) = Plan::new(&extent) else { unreachable!("there is a place") };
+            let longer = (plan.high[0] - plan.low[0]).max(plan.high[1] - plan.low[1]);
+            let pixels = 390.0 / longer * plan.spacing * plan.every() as f32;
+            assert!(pixels > 58.0, "{side} m: {pixels}");
+        }
     }
 
     /// A track that grows stays in view, with its header, and fills the longer side.

@@ -3,6 +3,7 @@
 use crate::bodies::HULL;
 use crate::colours::ColourScale;
 use crate::ellipses::{self, ELLIPSOID, enlargement};
+use crate::eye;
 use crate::map::Graticule;
 use crate::plan::{self, Plan};
 use crate::polar::Polar;
@@ -185,6 +186,7 @@ fn draw_distances(recording: &Recording, extent: &Extent) -> Result<(), StreamEr
     let (places, labels): (Vec<_>, Vec<_>) = north
         .chain(east)
         .map(|([north, east], x)| ([north, east, extent.level()], plan::distance(x, spacing)))
+        .filter(|(place, _)| eye::has_room(extent, *place))
         .unzip();
     let labels = Points3D::new(places)
         .with_labels(labels)
