@@ -8,7 +8,7 @@ const UNPACK: &str = "unpack it and give its files";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 24] = [
+const LONG: [Mark; 27] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -17,6 +17,19 @@ const LONG: [Mark; 24] = [
     (0, b"CDF\x02", "a NetCDF file", TABLE),
     (0, b"PAR1", "a Parquet file", TABLE),
     (0, b"ARROW1", "a file of Apache Arrow", TABLE),
+    (0, b"FEA1", "a Feather file", TABLE),
+    (
+        4,
+        b"ftyp",
+        "a film (MP4)",
+        "export its IMU and GNSS as a table (CSV), such as with gopro-telemetry",
+    ),
+    (
+        0,
+        b"H Product:Blackbox",
+        "a log of Betaflight",
+        "export it as a table (CSV) with blackbox_decode",
+    ),
     (0, b"%PDF-", "a PDF document", TABLE),
     (0, b"{\\rtf", "a text document", TABLE),
     (0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a document of Microsoft Office (.xls)", TABLE),
@@ -37,7 +50,12 @@ const LONG: [Mark; 24] = [
 
 /// Marks of messages of receivers and inertial units, which other bytes may resemble: they name a
 /// file that nothing else recognises.
-const SHORT: [Mark; 1] = [(0, b"\xd3\x00", "messages of RTCM", CONVERT)];
+const SHORT: [Mark; 4] = [
+    (0, b"\xd3\x00", "messages of RTCM", CONVERT),
+    (8, b".FIT", "a FIT file of a sports device", TABLE),
+    (0, b"\x80\x04\x95", "an object of Python (pickle)", TABLE),
+    (0, b"\x80\x05\x95", "an object of Python (pickle)", TABLE),
+];
 
 fn find(marks: &[Mark], beginning: &[u8]) -> Option<[&'static str; 2]> {
     let fits = |m: &&Mark| beginning.get(m.0..).is_some_and(|rest| rest.starts_with(m.1));

@@ -4,6 +4,7 @@ use crate::recording::{Reader, Recording};
 use crate::samples::find;
 use crate::stream::StreamSurvey;
 use crate::table::{counted, factor, nearest_counts};
+use navfuse_core::document::quoted;
 
 /// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
 const FAST: f64 = 0.5;
@@ -15,9 +16,19 @@ const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
 /// the noise of a slow vehicle.
 const NEAR: f64 = 1.3;
 
+/// Units of rates that programs write, the usual ones first, and those of them that are no angle over a second.
+const UNITS: [&str; 8] =
+    ["rad/s", "deg/s", "mrad/s", "deg/(1000*s)", "deg/h", "deg/min", "rpm", "rev/s"];
+const RATES: [&str; 4] = ["deg/(1000*s)", "deg/h", "deg/min", "rpm"];
+
 /// Tests whether a key describes a column of a rate.
-fn of_rates(key: &&mut String) -> bool {
+fn of_rates(key: &str) -> bool {
     ["columns.gyro_", "columns.dtheta_"].iter().any(|name| key.starts_with(name))
+}
+
+/// The unit in a key.
+fn unit_of(key: &str) -> Option<&str> {
+    key.split_once("unit = \"")?.1.split_once('"').map(|(unit, _)| unit)
 }
 
 impl Recording {
@@ -47,37 +58,36 @@ impl Recording {
         true
     }
 
-    /// Changes the unit of rates that turn 57 times as far as the course of a receiver, or as little.
+    /// Changes the unit of rates that turn by another factor than the course of a receiver, which is that of another unit.
     pub fn rates_by_course(&mut self, streams: &[StreamSurvey]) -> bool {
         let Some(ratio) = find(streams, "gnss").and_then(|s| s.rate_ratio) else { return false };
-        let degree = 1_f64.to_radians();
         let near = |factor: f64| (1.0 / NEAR..NEAR).contains(&(ratio / factor));
         if self.count_by_course(ratio) {
             return true;
         }
-        let [factor, unit] = match () {
-            () if near(degree) => [(degree, "deg/s"), (degree, "deg")],
-            () if near(1.0 / degree) => [(1.0 / degree, "rad/s"), (1.0 / degree, "rad")],
-            () => return false,
-        };
         let Some(part) = self.part_mut("imu").filter(|part| part.samples.rates.is_none()) else {
             return false;
         };
+        if near(1.0) {
+            return false;
+        }
+        let keys = part.found.source.iter().chain(part.more.iter().flat_map(|(k, _)| k));
+        let before = keys.filter(|key| of_rates(key)).find_map(|key| unit_of(key));
+        let before = before.unwrap_or("rad/s").to_owned();
+        let size = factor(&before);
+        let Some(unit) = UNITS.iter().find(|unit| near(factor(unit) / size)) else { return false };
+        let of_increments = !before.ends_with("/s") && !RATES.contains(&before.as_str());
+        let unit = if of_increments { unit.trim_end_matches("/s") } else { unit };
         let keys = part.found.source.iter_mut().chain(part.more.iter_mut().flat_map(|(k, _)| k));
-        let others = ["rad/s", "deg/s", "rad", "deg"];
         let mut named = 0;
-        for key in keys.filter(of_rates) {
-            let other = others.iter().find(|other| key.contains(&format!("unit = \"{other}\"")));
-            let Some(other) = other.filter(|other| **other != factor.1 && **other != unit.1) else {
-                continue;
-            };
-            let right = if other.ends_with("/s") { factor.1 } else { unit.1 };
-            *key = key.replace(&format!("unit = \"{other}\""), &format!("unit = \"{right}\""));
-            named += 1;
+        for key in keys.filter(|key| of_rates(key)) {
+            let (old, new) = (quoted(&before), quoted(unit));
+            named += usize::from(key.contains(&old));
+            *key = key.replace(&format!("unit = {old}"), &format!("unit = {new}"));
         }
         // one where the keys of the table are changed
-        part.samples.rates = Some(if named == 3 { 1.0 } else { factor.0 });
-        let text = format!("the course of the receiver turns as if the rates were in {}", factor.1);
+        part.samples.rates = Some(if named == 3 { 1.0 } else { factor(unit) / size });
+        let text = format!("the course of the receiver turns as if the rates were in {unit}");
         part.found.questions.retain(|q| !q.starts_with("the unit of the angular rate"));
         part.found.questions.push(format!("{text}: this unit is used"));
         self.notes.push(format!("imu: {text}"));
@@ -96,7 +106,7 @@ impl Recording {
         let count = 1_f64.to_radians() / factor(&before);
         let unit = counted(nearest_counts(count / ratio));
         let keys = part.found.source.iter_mut();
-        for key in keys.filter(of_rates) {
+        for key in keys.filter(|key| of_rates(key)) {
             *key = key.replace(&format!("unit = \"{before}\""), &format!("unit = \"{unit}\""));
         }
         part.samples.rates = Some(1.0);

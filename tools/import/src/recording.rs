@@ -367,8 +367,13 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
         let text = format!("it begins like {format}, which navfuse does not read");
         return Err(refused(text).with_remedy(remedy));
     }
-    let binary =
-        bytes.contains(&0) || bytes.iter().filter(|b| b.is_ascii()).count() * 2 < bytes.len();
+    // a recorder without power leaves zeros behind the last row
+    let filled = |bytes: &[u8]| bytes.iter().rev().take_while(|b| **b == 0).count();
+    let zeros = filled(bytes);
+    let bytes = &bytes[..bytes.len() - zeros];
+    let binary = (zeros > 0 && bytes.is_empty())
+        || bytes.contains(&0)
+        || bytes.iter().filter(|b| b.is_ascii()).count() * 2 < bytes.len();
     if binary {
         return Err(refused(
             "it is neither a table, nor a file of a velocity log (PD0, PD4, PD6, AD2CP, Nortek, \
@@ -377,7 +382,9 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
                 .to_owned(),
         ));
     }
-    let beginning = navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
+    let mut beginning =
+        navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
+    beginning.truncate(beginning.len() - filled(&beginning));
     let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     table::recognise(&navfuse_csv::text(&beginning), &name).map_err(refused)
 }

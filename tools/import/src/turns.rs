@@ -37,6 +37,21 @@ impl Samples {
 }
 
 impl Part {
+    /// Exchanges the columns of latitude and longitude; `false` where the source has found them by itself.
+    fn exchange_columns(&mut self) -> bool {
+        let names = ["columns.lat =", "columns.lon ="];
+        let of = |key: &String| names.iter().position(|name| key.starts_with(name));
+        if self.found.source.iter().filter_map(of).count() != names.len() {
+            return false;
+        }
+        for key in &mut self.found.source {
+            if let Some(k) = of(key) {
+                *key = key.replacen(names[k], names[1 - k], 1);
+            }
+        }
+        true
+    }
+
     /// Turns the samples by a rotation, after what has turned them already; `false` where their axes
     /// form a left-handed set.
     fn rotate(&mut self, rotation: &Rotation) -> bool {
@@ -189,6 +204,13 @@ impl Recording {
             false => key.replace(LONGITUDE_FIRST, LATITUDE_FIRST),
         };
         part.found.source.iter_mut().filter(|key| is_pair(key)).for_each(|key| *key = other(key));
+        let swapped = !unnamed && !part.found.velocity && part.exchange_columns();
+        if swapped {
+            let text = "the columns of latitude and longitude are exchanged: its course turns as the IMU does so";
+            part.found.questions.push(text.to_owned());
+            self.notes.push(format!("gnss: {text}"));
+            return true;
+        }
         if !unnamed {
             let text = "its course turns against the IMU as if east and north were exchanged: check \
                         latitude and longitude, and the velocities along north and east";

@@ -33,6 +33,8 @@ pub struct Form {
     pub until: Option<u64>,
     /// Headings of rows that name their values.
     pub labels: Option<Vec<String>>,
+    /// Bytes of zero, which a recorder without power leaves at the end, become the ends of empty lines.
+    pub filled: bool,
 }
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
@@ -113,6 +115,9 @@ impl Bounded {
 
     /// Changes bytes to the form that the rows are read in, in their places.
     fn reform(&mut self, bytes: &mut [u8]) {
+        if self.form.filled {
+            bytes.iter_mut().filter(|b| **b == 0).for_each(|b| *b = b'\n');
+        }
         if self.form.decimal_comma {
             bytes.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
         }
@@ -177,31 +182,25 @@ fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, 
 /// # Errors
 /// When the file cannot be read.
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    if let Some(text) = of_columns(path, most)? {
-        return Ok(text.into_bytes());
-    }
+    let most = usize::try_from(most).unwrap_or(usize::MAX / 2);
+    let mut file = Bounded::open(path, most.max(BUFFER), Form::default())?;
     let mut bytes = Vec::new();
-    let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    Bounded::open(path, buffer, Form::default())?.take(most).read_to_end(&mut bytes)?;
+    (&mut file).take(BUFFER as u64).read_to_end(&mut bytes)?;
+    if is_of_columns(&bytes) {
+        // the first records, as objects of JSON
+        let columns = Columns::read(&mut io::Cursor::new(bytes).chain(Unbounded(file)))?;
+        return Ok(columns.beginning(most).into_bytes());
+    }
+    let rest = most.saturating_sub(bytes.len());
+    file.take(rest as u64).read_to_end(&mut bytes)?;
+    bytes.truncate(most);
     Ok(bytes)
 }
 
-/// The first records, as objects of JSON in at most so many bytes, of a file with an array for each column; `None` for
-/// another file.
-///
-/// # Errors
-/// When the file cannot be read.
-fn of_columns(path: &Path, most: u64) -> io::Result<Option<String>> {
-    let mut file = Bounded::open(path, BUFFER, Form::default())?;
-    let mut beginning = Vec::new();
-    (&mut file).take(BUFFER as u64).read_to_end(&mut beginning)?;
-    let text = String::from_utf8_lossy(&beginning);
-    if !text.trim_start().starts_with(['{', '[']) || !transposed::begins(&text) {
-        return Ok(None);
-    }
-    let mut whole = Unbounded(Bounded::open(path, BUFFER, Form::default())?);
-    let columns = Columns::read(&mut whole)?;
-    Ok(Some(columns.beginning(usize::try_from(most).unwrap_or(usize::MAX))))
+/// Tests whether a file begins with an array for each column.
+fn is_of_columns(beginning: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(beginning);
+    text.trim_start().starts_with(['{', '[']) && transposed::begins(&text)
 }
 
 /// A file that has no rows, of any length.

@@ -45,6 +45,8 @@ pub struct ChannelCell {
 const ATMOSPHERE: f64 = 101_325.0;
 const SEA_WATER: f64 = 1025.0;
 const GRAVITY: f64 = 9.806_65;
+/// Number that is no angle in degrees.
+const PACKED: f64 = 1000.0;
 /// Longest text of a cell in a notation of its own.
 const LONGEST: usize = 64;
 
@@ -86,7 +88,7 @@ impl ChannelCell {
                 degrees + (value(0) - 100.0 * degrees) / 60.0
             }
             Notation::DegreesMinutesSeconds => {
-                let one = value(0).is_nan();
+                let one = value(0).is_nan() || value(0).abs() > PACKED;
                 let cells = [cell(0), cell(1), cell(2)];
                 degrees(if one { &cells[..1] } else { &cells }).unwrap_or(f64::NAN)
             }
@@ -134,7 +136,12 @@ fn degrees(cells: &[&[u8]]) -> Option<f64> {
             count += 1;
         }
     }
-    let [degrees, minutes, seconds] = parts;
+    let [mut degrees, mut minutes, mut seconds] = parts;
+    // ddmmss.s
+    if count == 1 && degrees > PACKED {
+        [degrees, minutes, seconds] =
+            [(degrees / 1e4).trunc(), (degrees / 100.0).trunc() % 100.0, degrees % 100.0];
+    }
     let valid = count > 0 && minutes < 60.0 && seconds < 60.0;
     let sign = if negative { -1.0 } else { 1.0 };
     valid.then_some(sign * (degrees + (minutes + seconds / 60.0) / 60.0))
@@ -302,5 +309,24 @@ pub fn without_column(
                 info.name
             ),
         )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::degrees;
+
+    #[test]
+    fn degrees_minutes_and_seconds_stand_in_several_cells_or_in_one_number() {
+        let cells: [&[&[u8]]; 4] =
+            [&[b"-48", b"06", b"36"], &[b"48-06-36S"], &[b"-480636.0"], &[b"480636S"]];
+        for cells in cells {
+            let found = degrees(cells).unwrap_or(f64::NAN);
+            assert!((found + 48.11).abs() < 1e-12, "{cells:?}: {found}");
+        }
+        // minutes and seconds are below 60
+        for cells in [b"486036".as_slice(), b"480661", b"48 61"] {
+            assert_eq!(degrees(&[cells]), None);
+        }
     }
 }

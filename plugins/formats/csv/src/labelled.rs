@@ -1,6 +1,7 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
 //! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX, TCX and KML.
 
+use crate::number::number;
 use crate::object::object;
 use crate::paths::bounded;
 use crate::transposed::{self, Columns};
@@ -37,6 +38,13 @@ fn line(text: &str, mut found: impl FnMut(&str, &str)) {
             stamped = beginning(&text[..start], &mut found);
         }
         let value = text[at..].trim_start();
+        if let Some((numbers, used)) = several(value).filter(|_| stems.is_empty()) {
+            at = text.len() - value.len() + used;
+            for (k, number) in numbers.into_iter().enumerate() {
+                found(&format!("{name}.{k}"), number);
+            }
+            continue;
+        }
         let end = |c: char| c.is_whitespace() || [',', ';', '}', '|', ')'].contains(&c);
         let value = &value[..value.find(end).unwrap_or(value.len())];
         at = text.len() - text[at..].trim_start().len() + value.len();
@@ -55,6 +63,26 @@ fn line(text: &str, mut found: impl FnMut(&str, &str)) {
     }
 }
 
+/// The three or four numbers at the beginning of a text that belong to one name, `gyro: 0.1, 0.2, 0.3`, and their length.
+fn several(text: &str) -> Option<(Vec<&str>, usize)> {
+    let separator = |c: char| c.is_whitespace() || matches!(c, ',' | ';');
+    let end = |c: char| separator(c) || matches!(c, ']' | ')' | '}' | '|');
+    let (mut at, mut numbers) = (usize::from(text.starts_with(['[', '('])), Vec::new());
+    loop {
+        let token = text[at..].trim_start_matches(separator);
+        let word = &token[..token.find(end).unwrap_or(token.len())];
+        if number(word).is_none() || numbers.len() > 4 {
+            break;
+        }
+        numbers.push(word);
+        at = text.len() - token.len() + word.len();
+        if text[at..].starts_with([']', ')']) {
+            break;
+        }
+    }
+    matches!(numbers.len(), 3 | 4).then_some((numbers, at))
+}
+
 /// The stamp and the kind in what precedes the names of a line; `true` if it has a stamp.
 fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
     let text = text.trim_end_matches(['{', '(', ' ', '\t', ',', ';']);
@@ -64,6 +92,11 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
         false => (text, ""),
     };
     let stamp = stamp.trim().trim_end_matches(':');
+    // a stamp in brackets, beside the level of a message
+    let digit = |part: &&str| part.starts_with(|c: char| c.is_ascii_digit());
+    let groups = stamp.split(['[', ']', ',']).map(str::trim);
+    let inner = groups.filter(|_| stamp.contains(']')).find(digit);
+    let stamp = inner.unwrap_or(stamp);
     if !stamp.is_empty() {
         found(STAMP, stamp);
     }
@@ -283,6 +316,8 @@ mod tests {
         let text = "{\"kind\": \"log\", \"about\": {\"n\": [1, 2]}, \"rows\": [\n{\"t\": 1, \"p\": [{\"x\": 2}]},\
                     {\"t\": 2, \"p\": [{\"x\": 3}]}\n], \"end\": true}\n";
         assert_eq!(table(text, &["t", "p.0.x"]), "1,2\n2,3\n");
+        let arrays = "{\"a\": [{\"t\": 1, \"x\": 2}, {\"t\": 2}], \"n\": {\"q\": [4]}, \"b\": [ {\"t\": 3, \"y\": 5} ]}";
+        assert_eq!(table(arrays, &["t", "x", "y"]), "1,2,\n2,,\n3,,5\n");
         let lines =
             "{\"t\": 1, \"p\": [{\"x\": 2}, {\"x\": 4}]}\n{\"t\": 2, \"p\": [{\"x\": 3}]}\n";
         assert_eq!(table(lines, &["t", "p.0.x"]), "1,2\n2,3\n");
@@ -308,6 +343,11 @@ mod tests {
         let headings = ["stamp", "kind", "TimeUS", "GyrX"];
         assert_eq!(table(dump, &headings), "2023-11-14 22:13:20.01,IMU,10,-0.1\n");
         assert_eq!(table("10\tgx:1.5\tgy: 2\n", &["stamp", "gx", "gy"]), "10,1.5,2\n");
+        let message = "[INFO] [1700000000.01]: gyro: 0.1, -0.2, 0.3 accel: [1, 2, 9.8]\n";
+        let headings = ["stamp", "gyro.0", "gyro.2", "accel.1", "accel.2"];
+        assert_eq!(table(message, &headings), "1700000000.01,0.1,0.3,2,9.8\n");
+        let words = "t=5 A: 0.1 0.2 9.8 G: 1 2 3\n";
+        assert_eq!(table(words, &["t", "A.1", "G.0", "G.2"]), "5,0.2,1,3\n");
         assert_eq!(table("t=0.5 at=22:13:20 a=1", &["t", "at", "a"]), "0.5,22:13:20,1\n");
     }
 

@@ -354,13 +354,16 @@ impl Short {
     }
 
     /// Appends a time of the day whose seconds may have their decimals after one more colon than `colons`
-    /// before them: `08:30:00:250`. Fewer than three digits may count frames of a film or hundredths.
+    /// before them: `08:30:00:250`. Fewer than three digits may count frames of a film or hundredths. ISO 8601 permits a
+    /// comma: `08:30:00,25`.
     fn push_time(&mut self, time: &[u8], colons: usize) -> Option<()> {
         let places = || time.iter().enumerate().filter(|(_, b)| **b == b':').map(|(at, _)| at);
         let digits = |at: &usize| time[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
         let of_time = |at: &usize| time[..*at].iter().all(|b| b.is_ascii_digit() || *b == b':');
         let point = places().nth(colons - 1).filter(of_time);
-        match point.filter(|at| matches!(digits(at), 3 | 6 | 9)) {
+        let comma = time.iter().position(|b| *b == b',').filter(of_time);
+        let comma = comma.filter(|at| digits(at) > 0);
+        match point.filter(|at| matches!(digits(at), 3 | 6 | 9)).or(comma) {
             Some(at) => {
                 self.push(&time[..at])?;
                 self.push(b".")?;

@@ -22,10 +22,15 @@ pub struct Columns {
     at: usize,
 }
 
+/// A line of GeoJSON, whose times are an array beside its coordinates, and the path of the first of several.
+const LINE: &str = "\"LineString\"";
+const FIRST_LINE: &str = "features.0.";
+
 /// Tests whether a text begins with one object or list of arrays: the first array of numbers, or of arrays of numbers, has
 /// many elements, and the object has not ended before it.
 pub fn begins(text: &str) -> bool {
     let text = text.trim_start();
+    let deepest = if text.contains(LINE) { [8, 5] } else { [4, 2] };
     let (mut depth, mut quoted, mut escaped, mut elements) = (0_usize, false, false, 0_usize);
     let mut opened = Vec::new();
     let mut key = String::new();
@@ -61,7 +66,8 @@ pub fn begins(text: &str) -> bool {
         }
         let listed = opened.first() == Some(&'[');
         let named = !listed || VALUES.contains(&key.as_str());
-        let shallow = depth <= 4 && opened.iter().filter(|c| **c == '{').count() <= 2;
+        let braces = opened.iter().filter(|c| **c == '{').count();
+        let shallow = depth <= deepest[0] && braces <= deepest[1];
         if elements >= LEAST && named && shallow && opened.contains(&'{') {
             return true;
         }
@@ -90,7 +96,8 @@ impl Columns {
         let mut names: BTreeMap<String, String> = BTreeMap::new();
         let mut order = 0;
         object(text.trim(), |path, value| {
-            let parts: Vec<&str> = path.split('.').collect();
+            let parts: Vec<&str> =
+                path.strip_prefix(FIRST_LINE).unwrap_or(path).split('.').collect();
             // the place in a list comes first
             let first = usize::from(listed);
             let number = |part: &&str| part.bytes().all(|b| b.is_ascii_digit());
@@ -181,6 +188,12 @@ mod tests {
             (split, "index=0 t=0.5 gx=1 index=1 t=1.5 gx=2 "),
             ("{\"t\": {\"0\": 0.5, \"1\": 1.5}}", "t=0.5 t=1.5 "),
             ("{\"t\": {\"data\": [0.5, 1.5]}}", "t=0.5 t=1.5 "),
+            (
+                "{\"features\": [{\"properties\": {\"times\": [5, 6]}, \"geometry\": \
+                 {\"type\": \"LineString\", \"coordinates\": [[1, 2], [3, 4]]}}]}",
+                "properties.times=5 geometry.coordinates.0=1 geometry.coordinates.1=2 \
+                 properties.times=6 geometry.coordinates.0=3 geometry.coordinates.1=4 ",
+            ),
             (
                 "[{\"type\": \"p\", \"data\": [[1, 2], [3, 4]]}, {\"type\": \"t\", \"data\": [5, 6]}]",
                 "p.0=1 p.1=2 t=5 p.0=3 p.1=4 t=6 ",

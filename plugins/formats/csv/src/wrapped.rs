@@ -1,4 +1,4 @@
-//! Objects of JSON in an array that one object has: `{"name": "dive", "samples": [{...}, {...}]}`.
+//! Objects of JSON in arrays that one object has: `{"name": "dive", "samples": [{...}, {...}], "fixes": [{...}]}`.
 
 use std::io::{BufRead, Result};
 
@@ -66,12 +66,30 @@ impl Array {
         (alone && (end.is_none() || objects >= SEVERAL)).then(Self::default)
     }
 
-    /// Reads up to the first object of the array; `false` at the end of the file.
+    /// Reads up to the next object of the array, or of one that follows; `false` at the end of the file.
     pub fn enter(&mut self, file: &mut impl BufRead) -> Result<bool> {
-        while !self.inside {
+        loop {
             let bytes = file.fill_buf()?;
             if bytes.is_empty() {
                 return Ok(false);
+            }
+            if self.inside {
+                let between = |b: &u8| b.is_ascii_whitespace() || *b == b',';
+                let used = bytes.iter().take_while(|b| between(b)).count();
+                match bytes.get(used) {
+                    Some(b'{') => {
+                        file.consume(used);
+                        return Ok(true);
+                    }
+                    // the end of the array
+                    Some(_) => {
+                        self.inside = false;
+                        self.brackets = Brackets { depth: 2, ..Brackets::default() };
+                    }
+                    None => {}
+                }
+                file.consume(used);
+                continue;
             }
             let begins = bytes.iter().position(|byte| self.brackets.take(*byte));
             // the object itself is still to be read
@@ -79,6 +97,5 @@ impl Array {
             file.consume(used);
             self.inside = begins.is_some();
         }
-        Ok(true)
     }
 }

@@ -6,6 +6,7 @@ mod exports;
 mod folders;
 mod labels;
 pub mod mounted;
+mod notations;
 mod positions;
 mod senses;
 mod strangers;
@@ -199,4 +200,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&untidy::PROGRAMS)
         .chain(&exports::PROGRAMS)
         .chain(&strangers::PROGRAMS)
+        .chain(&notations::PROGRAMS)
 }

@@ -17,8 +17,10 @@ impl Table<'_> {
         if !(0..3).all(|axis| alone.iter().filter(|(_, (a, _), _)| *a == axis).count() == 1) {
             return;
         }
+        // a length alone is a position
         let of = |si: &str| {
-            alone.iter().all(|(.., unit)| unit.as_ref().is_some_and(|u| fitting(u, si).is_some()))
+            let fits = |u: &String| fitting(u, si).is_some() && fitting(u, "m").is_none();
+            alone.iter().all(|(.., unit)| unit.as_ref().is_some_and(fits))
         };
         let vector = match () {
             () if self.has(&GYRO) && !self.has(&ACCEL) => "accel",

@@ -25,7 +25,14 @@ impl Table<'_> {
         {
             return (unit.clone(), 1.0, false);
         }
-        let (unit, mut scale, minutes) = units::angle(&lat, &lon);
+        let (mut unit, mut scale, mut minutes) = units::angle(&lat, &lon);
+        let either = minutes && stated.is_none() && units::in_minutes(most(&lat), most(&lon));
+        let either = either && !self.is_padded("lat") && !self.is_padded("lon");
+        if either && self.in_minutes() {
+            (unit, scale, minutes) = ("arcmin", 1.0, false);
+        } else if either && !self.has(&["vel_n", "vel_e"]) && !self.has(&["speed", "course"]) {
+            questions.push("latitude and longitude may be minutes of an arc, too".to_owned());
+        }
         if scale == units::E7 && self.names_part("e6") {
             scale = 1e-6;
         }
@@ -34,6 +41,7 @@ impl Table<'_> {
         }
         let text = match (unit, scale, minutes) {
             (_, _, true) => "ddmm.mmmm",
+            ("arcmin", ..) => "minutes of an arc",
             (unit, 1.0, _) => unit,
             (_, units::E7, _) => IN_E7,
             (_, 1e-6, _) => "1e-6 deg",
@@ -41,7 +49,7 @@ impl Table<'_> {
             (_, 1e-9, _) => "1e-9 deg",
             _ => "semicircles",
         };
-        let why = if text == "semicircles" {
+        let why = if ["semicircles", "minutes of an arc"].contains(&text) {
             "a heading, their range, or the velocity"
         } else {
             "their range"
@@ -57,6 +65,51 @@ impl Table<'_> {
             None => questions.push(format!("the unit of latitude and longitude: {text} by {why}")),
         }
         (unit.to_owned(), scale, minutes)
+    }
+
+    /// Tests whether latitudes and longitudes are degrees, minutes and seconds in one number, ddmmss.s.
+    pub(super) fn is_packed(&self) -> bool {
+        let [lat, lon] = ["lat", "lon"].map(|c| self.values(c));
+        let parts =
+            |values: &[f64], most: f64| {
+                values.iter().filter(|v| v.is_finite()).map(|v| v.abs()).all(|v| {
+                    v % 100.0 < 60.0 && (v / 100.0).trunc() % 100.0 < 60.0 && v / 1e4 < most
+                })
+            };
+        let large = lat.iter().any(|v| v.abs() > 9_100.0) || lon.iter().any(|v| v.abs() > 18_100.0);
+        // parts of a degree are whole numbers
+        let fractions = |values: &[f64]| values.iter().any(|v| v.is_finite() && v.fract() != 0.0);
+        large && parts(&lat, 91.0) && parts(&lon, 181.0) && fractions(&lat) && fractions(&lon)
+    }
+
+    /// Names the direction beside a speed the course, where the positions move along it: a receiver calls it heading, too.
+    pub(super) fn name_course(&mut self) {
+        let direction = ["lat", "lon", "speed", "yaw"];
+        let others = ["course", "vel_n", "roll", "pitch"];
+        if !self.has(&direction) || others.iter().any(|c| self.find(c).is_some()) {
+            return;
+        }
+        let rename = |table: &mut Self, from: &str, to: &'static str| {
+            let named = table.columns.iter_mut().filter(|(_, m)| m.channel == from);
+            named.for_each(|(_, meaning)| meaning.channel = to);
+        };
+        rename(self, "yaw", "course");
+        let (unit, scale, minutes) = self.place(&mut Vec::new());
+        if self.beside_track(units::factor(&unit) * scale, minutes).is_none() {
+            rename(self, "course", "yaw");
+        }
+    }
+
+    /// Tests whether the numbers of a latitude or longitude begin with a zero, or stand beside a letter for their side, as
+    /// degrees with minutes do.
+    fn is_padded(&self, channel: &str) -> bool {
+        let Some((k, _)) = self.find(channel) else { return false };
+        let padded = |cell: &String| {
+            let digits = cell.trim_start_matches('-').as_bytes();
+            digits.len() > 1 && digits[0] == b'0' && digits[1].is_ascii_digit()
+        };
+        let mut cells = self.layout.rows.iter().filter_map(|row| row.get(*k));
+        cells.any(padded) || !self.side(*k, channel).is_empty()
     }
 
     /// Tests whether a column holds whole numbers alone.

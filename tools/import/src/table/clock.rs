@@ -348,12 +348,8 @@ impl Table<'_> {
         let cells = |k: usize| self.layout.rows.iter().filter_map(move |row| row.get(k));
         let mut questions = Vec::new();
         if navfuse_csv::date(cell).is_some() {
-            let second = |cell: &String| {
-                let nanos = navfuse_csv::date(cell).map(|nanos| nanos % (DAY * 1e9) as i64);
-                nanos.map_or(f64::NAN, |nanos| nanos as f64 * 1e-9)
-            };
             let key = format!("time = {{ column = {heading}, format = \"date-time\" }}");
-            let seconds = cells(k).map(second).collect();
+            let seconds = cells(k).map(|cell| second_of_text(cell)).collect();
             return Clock { key: Some(key), seconds, questions };
         }
         let seconds = cells(k).map(|cell| second_of_day(cell)).collect();
@@ -384,6 +380,12 @@ impl Table<'_> {
 pub fn counts_rows(heading: &str, values: &[f64]) -> bool {
     let named = words(heading).iter().any(|word| COUNTERS.contains(&word.as_str()));
     named && values.windows(2).all(|v| v[1] - v[0] == 1.0)
+}
+
+/// The seconds since midnight of a text with a time of the day, or a date; NaN for another one.
+pub fn second_of_text(cell: &str) -> f64 {
+    let of_date = |nanos: i64| (nanos % (DAY * 1e9) as i64) as f64 * 1e-9;
+    navfuse_csv::date(cell).map_or_else(|| second_of_day(cell), of_date)
 }
 
 /// The seconds since midnight of a text with a time of the day; NaN for another one.

@@ -40,7 +40,9 @@ const MOVES: usize = 10;
 pub struct Table<'a> {
     pub(super) layout: &'a Layout,
     pub(super) columns: Vec<(usize, Meaning)>,
-    questions: Vec<String>,
+    pub(super) questions: Vec<String>,
+    /// Columns of the gravity that the specific forces lack.
+    pub(super) gravity: Option<[usize; 3]>,
 }
 
 /// A column with its unit, for the key of a channel.
@@ -75,10 +77,13 @@ impl<'a> Table<'a> {
             let phi = columns.iter_mut().filter(|(k, _)| named(*k, "phi"));
             phi.for_each(|(_, meaning)| meaning.channel = "lat");
         }
-        let mut table = Self { layout, columns, questions };
+        let mut table = Self { layout, columns, questions, gravity: None };
         table.down_beside_forward();
         table.name_axes(name);
         table.name_earth_fixed();
+        table.exchange();
+        table.choose_inertial();
+        table.name_course();
         table
     }
 
@@ -143,7 +148,14 @@ impl<'a> Table<'a> {
 
     pub(super) fn vector(&self, channels: [&str; 3]) -> Vec<[f64; 3]> {
         let [x, y, z] = channels.map(|channel| self.values(channel));
-        units::rows([&x, &y, &z])
+        let mut rows = units::rows([&x, &y, &z]);
+        if let Some(gravity) = self.gravity.filter(|_| channels == ACCEL) {
+            let more = gravity.map(|k| self.layout.column(k));
+            for (row, v) in rows.iter_mut().enumerate() {
+                *v = std::array::from_fn(|k| v[k] + more[k].get(row).copied().unwrap_or(f64::NAN));
+            }
+        }
+        rows
     }
 
     /// The sensors of the table.
@@ -155,6 +167,11 @@ impl<'a> Table<'a> {
             (self.has(&GYRO) && self.has(&ACCEL)) || (self.has(&DTHETA) && self.has(&DVEL));
         let half = !inertial && (self.has(&GYRO) || self.has(&ACCEL));
         let clock = self.clock(if inertial || half { IMU_INTERVAL } else { AID_INTERVAL })?;
+        if units::step(&clock.seconds) < 0.0 {
+            return Err(
+                "the times of its rows run backwards: sort the rows by their time".to_owned()
+            );
+        }
         let mut sensors = Vec::new();
         if inertial {
             sensors.push(self.imu(&clock)?);
@@ -285,7 +302,10 @@ impl<'a> Table<'a> {
         let unit = unit.or(stated).unwrap_or(si);
         let usual = self.usual(*k, channel) && stated == Some(unit);
         let (heading, unit) = (self.heading(*k), unit.to_owned());
-        let (scale, more) = (meaning.sign, String::new());
+        let axis = ACCEL.iter().position(|name| *name == word);
+        let plus = self.gravity.zip(axis).map(|(gravity, axis)| self.heading(gravity[axis]));
+        let more = plus.map_or_else(String::new, |plus| format!(", plus = {}", quoted(plus)));
+        let scale = meaning.sign;
         Chosen { heading, unit, scale, minutes: false, more, usual }.key(channel)
     }
 
@@ -301,8 +321,16 @@ impl<'a> Table<'a> {
             });
         }
         let angles = channels.contains(&"lat") && self.has(&["lat"]);
-        let place = angles.then(|| self.place(&mut questions));
-        let by_track = place.as_ref().and_then(|(unit, scale, minutes)| {
+        let packed = angles && self.is_packed();
+        let place = angles.then(|| match packed {
+            true => ("deg".to_owned(), 1.0, false),
+            false => self.place(&mut questions),
+        });
+        if packed {
+            let text = "latitude and longitude are taken for ddmmss.s, by their range";
+            questions.push(text.to_owned());
+        }
+        let by_track = place.as_ref().filter(|_| !packed).and_then(|(unit, scale, minutes)| {
             self.by_track(units::factor(unit) * scale, *minutes)
         });
         // a velocity down alone is no velocity of a receiver
@@ -322,10 +350,13 @@ impl<'a> Table<'a> {
                         quoted(first)
                     ));
                 }
-                (Some(_), "lat" | "lon") if self.values(channel).iter().all(|v| v.is_nan()) => {
+                (Some(_), "lat" | "lon")
+                    if packed || self.values(channel).iter().all(|v| v.is_nan()) =>
+                {
+                    let side = if packed { self.side(*k, channel) } else { String::new() };
                     source.push(format!(
                         "columns.{channel} = {{ column = {}, unit = \"deg\", \
-                         notation = \"degrees-minutes-seconds\" }}",
+                         notation = \"degrees-minutes-seconds\"{side} }}",
                         quoted(heading)
                     ));
                 }

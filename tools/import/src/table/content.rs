@@ -1,6 +1,6 @@
 //! A table without headings: its columns by their content.
 
-use super::clock::counts_rows;
+use super::clock::{counts_rows, second_of_text};
 use super::columns::{ACCEL, DTHETA, DVEL, GYRO};
 use super::layout::Layout;
 use super::place;
@@ -66,7 +66,15 @@ pub fn headings(layout: &Layout) -> Option<(Vec<String>, String)> {
 
 fn names(layout: &Layout) -> Option<Vec<String>> {
     let width = layout.width();
-    let columns: Vec<Vec<f64>> = (0..width).map(|k| layout.column(k)).collect();
+    let stamps = |k: usize| -> Vec<f64> {
+        let cell = |row: &Vec<String>| row.get(k).map_or(f64::NAN, |cell| second_of_text(cell));
+        layout.rows.iter().map(cell).collect()
+    };
+    let is_text =
+        |k: usize| layout.rows.first().and_then(|row| row.get(k)).is_some_and(|c| c.contains(':'));
+    let dated = (0..width).find(|k| is_text(*k) && stamps(*k).iter().all(|t| t.is_finite()));
+    let column = |k: usize| if dated == Some(k) { stamps(k) } else { layout.column(k) };
+    let columns: Vec<Vec<f64>> = (0..width).map(column).collect();
     let counter = |k: usize| layout.headings.get(k).is_some_and(|h| counts_rows(h, &columns[k]));
     let rising = (0..width).filter(|k| increases(&columns[*k]) && !counter(*k));
     let rising: Vec<usize> = rising.collect();
@@ -76,11 +84,15 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         heading.and_then(|h| meaning(h)).is_some_and(|m| m.channel == "time")
     };
     let time = *nanos
+        .or(dated.as_ref().filter(|k| rising.contains(*k)))
         .or_else(|| rising.iter().find(named))
         .or_else(|| rising.iter().find(|k| !counts(&columns[**k])))
         .or(rising.first())?;
-    let interval = units::time(&columns[time], units::IMU_INTERVAL)?;
-    let seconds = units::factor(&interval.unit);
+    let factor = |usual: f64| match dated == Some(time) {
+        true => Some(1.0),
+        false => Some(units::factor(&units::time(&columns[time], usual)?.unit)),
+    };
+    let seconds = factor(units::IMU_INTERVAL)?;
     let step = median(columns[time].windows(2).map(|v| (v[1] - v[0]) * seconds));
     let free = |first: usize| (first..first + 3).all(|k| k != time);
     let change = |v: &[f64]| v[0] != v[1] && v[0].is_finite();
@@ -106,6 +118,11 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         }
         None => names[time] = "time".to_owned(),
     }
+    let day = |cell: &String| ['/', '-', '.'].iter().any(|c| cell.matches(*c).count() == 2);
+    let before = time.checked_sub(1).filter(|_| dated == Some(time));
+    if let Some(k) = before.filter(|k| layout.rows.iter().all(|row| row.get(*k).is_some_and(day))) {
+        names[k] = "date".to_owned();
+    }
     let mut name = |first: usize, channels: [&str; 3]| {
         for (k, channel) in channels.iter().enumerate() {
             names[first + k] = (*channel).to_owned();
@@ -117,7 +134,7 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
     let plain = near().find(|(_, (.., plain))| *plain).or_else(|| near().next());
     let inertial = plain.or_else(|| forces().next()).map(|(k, (increments, ..))| (k, increments));
     let usual = if inertial.is_some() { units::IMU_INTERVAL } else { units::AID_INTERVAL };
-    let unit = units::factor(&units::time(&columns[time], usual)?.unit);
+    let unit = factor(usual)?;
     let seconds: Vec<f64> = columns[time].iter().map(|t| t * unit).collect();
     let place = (0..width.saturating_sub(2)).filter(|k| free(*k));
     let place = place.filter_map(|k| Some((k, place::order(&seconds, &columns, k)?)));

@@ -7,6 +7,8 @@ use crate::found::Found;
 
 /// Number of rows from which the norm of the specific force is a rule.
 const FEW: usize = 10;
+/// Part of gravity below which specific forces lack it.
+const FALLING: f64 = 0.3;
 
 impl Table<'_> {
     /// The inertial unit.
@@ -79,9 +81,19 @@ impl Table<'_> {
                 let unit = settle("the specific force", stated, shown, true, questions);
                 Ok((Some(unit), increments))
             }
-            Err(why) if stated.is_none() && forces.len() > FEW => Err(why),
+            Err(why) if forces.len() > FEW && self.falls(channels, &forces, &stated) => Err(why),
             _ => Ok((stated, named)),
         }
+    }
+
+    /// Tests whether specific forces without gravity are refused: in a unit that nothing states, or that a stranger's
+    /// heading states for less than the part of gravity that a vehicle keeps up.
+    fn falls(&self, channels: [&str; 3], forces: &[[f64; 3]], stated: &Option<String>) -> bool {
+        let Some(unit) = stated else { return true };
+        let own = self.find(channels[0]).is_some_and(|(k, _)| self.usual(*k, channels[0]));
+        let size = |f: &[f64; 3]| f.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let middle = units::median(forces.iter().map(size)) * units::factor(unit);
+        channels == ACCEL && !own && middle < FALLING * units::GRAVITY
     }
 
     /// The unit of the angular rates, which are `per` s for increments.
@@ -96,8 +108,12 @@ impl Table<'_> {
             self.vector(channels).iter().map(|w| w.map(|w| w / per)).collect();
         let shown = units::gyro(&clock.seconds, &scaled, forces, in_g);
         let increments = channels == DTHETA || per != 1.0;
-        let unit = if increments { shown.unit.trim_end_matches("/s") } else { &shown.unit };
-        let shown = Decided { unit: unit.to_owned(), ..shown };
+        let increment = |rate: &str| match rate.strip_suffix("/s") {
+            Some(angle) => angle.to_owned(),
+            None => format!("{rate}*s"),
+        };
+        let unit = if increments { increment(&shown.unit) } else { shown.unit.clone() };
+        let shown = Decided { unit, ..shown };
         let (strong, stated) = (shown.evidence == Evidence::Strong, self.stated(channels));
         if stated.is_none() && self.any_stated(channels) {
             return None;

@@ -42,6 +42,33 @@ fn kind(records: &[Record]) -> Option<(String, Vec<String>)> {
     })
 }
 
+/// The first records, and as many of each form that begins later, as those of a second array.
+fn of_all_forms(records: &[Record]) -> Vec<&Record> {
+    let same = |record: &Record, form: &Record| {
+        record.len() == form.len() && record.iter().zip(form).all(|(a, b)| a.0 == b.0)
+    };
+    let mut forms: Vec<(&Record, usize)> = Vec::new();
+    let mut chosen = Vec::new();
+    for (k, record) in records.iter().enumerate() {
+        let count = match forms.iter().position(|(form, _)| same(record, form)) {
+            Some(place) => {
+                forms[place].1 += 1;
+                forms[place].1
+            }
+            None if forms.len() < KINDS => {
+                forms.push((record, 1));
+                1
+            }
+            None => RECORDS,
+        };
+        let later = forms.len() > 1 && !same(record, forms[0].0);
+        if k < RECORDS || (later && count < RECORDS) {
+            chosen.push(record);
+        }
+    }
+    chosen
+}
+
 /// The sensors of records that have the same values.
 fn of(records: &[&Record], kind: Option<(&str, &str)>, name: &str) -> Result<Vec<Found>, String> {
     let mut headings: Vec<String> = Vec::new();
@@ -81,7 +108,7 @@ pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
     records.truncate(10 * RECORDS);
     records.retain(|record| record.len() >= least);
     let Some((path, kinds)) = kind(&records) else {
-        let records: Vec<&Record> = records.iter().take(RECORDS).collect();
+        let records: Vec<&Record> = of_all_forms(&records);
         return Some(of(&records, None, name));
     };
     let mut sensors: Vec<Found> = Vec::new();

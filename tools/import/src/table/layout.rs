@@ -1,5 +1,6 @@
 //! The layout of a table: its separator, the lines before its rows, its headings and its rows.
 
+mod parts;
 mod vectors;
 
 use super::sentinel;
@@ -143,7 +144,9 @@ fn score(lines: &[&str], delimiter: Option<char>) -> (f64, usize) {
 /// Tests whether cells below headings are units: all that are not empty, and one with two letters.
 fn are_units(cells: &[String]) -> bool {
     let bracketed = |cell: &str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
-    let unit = |cell: &String| cell.is_empty() || bracketed(cell) || expression(cell).is_some();
+    let unit = |cell: &String| {
+        cell.is_empty() || bracketed(cell) || parts::is_part(cell) || expression(cell).is_some()
+    };
     let (units, filled) =
         (cells.iter().filter(|c| unit(c)), cells.iter().filter(|c| !c.is_empty()));
     let others = cells.len() - units.count();
@@ -245,7 +248,9 @@ impl Layout {
                 let count = cells.len();
                 count == width || (ends_empty && count + 1 == width)
             };
-            separators.into_iter().map(|d| split(text, d)).find(fits)
+            let fitting = separators.into_iter().map(|d| split(text, d)).find(fits);
+            let spaced = || parts::spread_over_parts(&split(text, None), &self.rows);
+            fitting.or_else(|| self.delimiter.is_none().then(spaced).flatten())
         };
         let titles = (before.iter().enumerate())
             .filter_map(|(k, line)| Some((k, cells(line)?)))

@@ -24,6 +24,7 @@ mod sections;
 mod sentinel;
 mod stamps;
 mod track;
+mod triples;
 mod units;
 mod unknown;
 mod vbox;
@@ -39,6 +40,7 @@ use measured::measured;
 pub use oxts::oxts;
 pub use pair::{LATITUDE_FIRST, LONGITUDE_FIRST, ORDER};
 pub use units::{E7, SEMICIRCLE, counted, factor, nearest_counts};
+use vocabulary::meaning;
 
 /// The sensors of a table, by the beginning of its file and the name of the file.
 ///
@@ -102,12 +104,22 @@ pub fn of_fields(
     measured(Layout::labelled(headings, rows, Vec::new()), name, Vec::new())
 }
 
+/// Channels whose headings are right beside those of an inertial unit that mean nothing.
+const KEPT: [&str; 6] = ["lat", "lon", "height", "vel_n", "vel_e", "vel_d"];
+
 /// The inertial unit of a table whose headings mean nothing, by the content of its columns.
 fn by_content(layout: &Layout) -> Option<Vec<Found>> {
     if layout.has_vectors() {
         return None;
     }
-    let (headings, question) = content::headings(layout)?;
+    let (mut headings, question) = content::headings(layout)?;
+    for (name, own) in headings.iter_mut().zip(&layout.headings) {
+        let placed = meaning(own).is_some_and(|m| KEPT.contains(&m.channel));
+        let free = name.starts_with("column_") || KEPT.contains(&name.as_str());
+        if placed && free {
+            name.clone_from(own);
+        }
+    }
     let inertial = ["accel_x", "dvel_x"].iter().any(|name| headings.iter().any(|h| h == name));
     let layout = layout.renamed(headings);
     inertial.then(|| Table::new(&layout, "", vec![question]).sensors().ok())?
@@ -137,6 +149,33 @@ mod tests {
         assert_eq!((found.kind, found.source), ("imu", keys.map(str::to_owned).to_vec()));
         let asked = ["wz: rad/s", "ay (furlong): m/s^2", "az: m/s^2"];
         assert_eq!(found.questions, asked.map(|q| format!("the unit of {q} is assumed")));
+    }
+
+    #[test]
+    fn a_heading_beside_a_speed_is_the_course_where_positions_move_along_it() {
+        // 10 m/s, which are 22.37 mi/h, to the east and to the north in turns of 30 s
+        let mut place = [48.1_f64, 11.5];
+        let mut text = "Time,Latitude,Longitude,Speed (mph),Heading\n".to_owned();
+        for k in 0..100 {
+            let east = k / 30 % 2 == 0;
+            text += &format!(
+                "{k},{:.7},{:.7},22.37,{}\n",
+                place[0],
+                place[1],
+                if east { "90.0" } else { "0.5" }
+            );
+            let degrees = 10.0 / 111_194.9;
+            match east {
+                true => place[1] += degrees / place[0].to_radians().cos(),
+                false => place[0] += degrees,
+            }
+        }
+        let found = recognise(&text, "").unwrap().remove(0);
+        let key = "columns.vel_n = { column = \"Speed (mph)\", unit = \"5280*ft/h\", course = \"Heading\" }";
+        assert!(found.source.iter().any(|line| line == key), "{:?}", found.source);
+        let found = recognise(&text.replace(" (mph)", ""), "").unwrap().remove(0);
+        let key = key.replace(" (mph)", "");
+        assert!(found.source.contains(&key), "{:?}", found.source);
     }
 
     proptest! {

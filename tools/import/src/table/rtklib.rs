@@ -20,8 +20,14 @@ const TITLES: [(&str, &str); 9] = [
 ];
 /// Titles of angles in degrees, minutes and seconds, each of which stands over three columns.
 const SEXAGESIMAL: [(&str, &str); 2] = [("latitude(d'\")", "lat"), ("longitude(d'\")", "lon")];
+/// Seconds of a week.
+const WEEK: f64 = 604_800.0;
 /// Title of the first of the coordinates of Earth-fixed axes.
 const EARTH_FIXED: &str = "x-ecef(m)";
+
+/// The titles of a solution in degrees, which a receiver may leave out.
+const USUAL: &str = "GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) \
+                     age(s) ratio";
 
 /// The titles of a solution, in the last comment before its rows, and its separator.
 fn titles(beginning: &str) -> Option<(Vec<&str>, Option<char>)> {
@@ -36,6 +42,23 @@ fn titles(beginning: &str) -> Option<(Vec<&str>, Option<char>)> {
         None => line.split_whitespace().collect(),
     };
     Some((titles, separator))
+}
+
+/// Tests whether a table without titles has the columns of a solution: stamp, position, quality, number of satellites, and
+/// deviations.
+fn untitled(layout: &Layout) -> bool {
+    let columns: Vec<Vec<f64>> = (0..layout.width()).map(|k| layout.column(k)).collect();
+    if !layout.headings.is_empty() || columns.len() != USUAL.split_whitespace().count() + 1 {
+        return false;
+    }
+    let all = |k: usize, fits: &dyn Fn(f64) -> bool| columns[k].iter().all(|v| fits(*v));
+    let whole = |k: usize, most: f64| all(k, &|v| v.fract() == 0.0 && (0.0..=most).contains(&v));
+    let dated =
+        layout.rows.iter().all(|row| row[0].matches('/').count() == 2 && row[1].contains(':'));
+    let stamped = dated || (whole(0, 1e4) && all(1, &|v| (0.0..=WEEK).contains(&v)));
+    let place = all(2, &|v| v.abs() <= 90.0) && all(3, &|v| v.abs() <= 360.0);
+    let deviations = (7..10).all(|k| all(k, &|v| (0.0..1e5).contains(&v)));
+    stamped && place && whole(5, 7.0) && whole(6, 100.0) && deviations
 }
 
 /// The headings of the columns: one for each title, more where it stands over several.
@@ -57,8 +80,11 @@ fn headings(titles: &[&str]) -> Vec<String> {
 
 /// A solution of RTKLIB; `None` if the text is none, or its rows do not fit its titles.
 pub fn solution(beginning: &str) -> Option<Found> {
-    let (titles, separator) = titles(beginning)?;
+    let titled = titles(beginning);
     let layout = Layout::of(beginning)?;
+    let own = titled.is_none();
+    let usual = || untitled(&layout).then(|| (USUAL.split_whitespace().collect(), None));
+    let (titles, separator) = titled.or_else(usual)?;
     let row = layout.rows.first()?;
     // the sexagesimal parts are separated by spaces, whatever the separator
     let scale = if titles.first()?.contains("UTC") { "utc" } else { "gps" };
@@ -97,7 +123,9 @@ pub fn solution(beginning: &str) -> Option<Found> {
     let quality = names.iter().position(|name| name == "Q").map(|k| layout.column(k));
     let codes = quality.unwrap_or_default();
     let class = codes.into_iter().filter_map(|q| class::of(class::RTKLIB, q)).max();
-    Some(Found { kind: "gnss", source, velocity, class, ..Found::default() })
+    let text = "the columns are taken for a solution of RTKLIB in GPS time";
+    let questions = if own { vec![text.to_owned()] } else { Vec::new() };
+    Some(Found { kind: "gnss", source, questions, velocity, class, ..Found::default() })
 }
 
 /// The heading of a title whose column is one cell.

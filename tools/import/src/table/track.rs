@@ -8,8 +8,10 @@ use super::vocabulary::Meaning;
 use navfuse_core::document::quoted;
 use std::ops::RangeInclusive;
 
+/// A mile in an hour.
+const MILES: &str = "5280*ft/h";
 /// Units of a speed.
-const SPEEDS: [&str; 7] = ["m/s", "km/h", "kn", "ft/s", "mi/h", "cm/s", "mm/s"];
+const SPEEDS: [&str; 7] = ["m/s", "km/h", "kn", "ft/s", MILES, "cm/s", "mm/s"];
 /// Time over which a way is compared, s, and the least number of ways.
 const SPAN: f64 = 5.0;
 const LEAST: usize = 5;
@@ -19,6 +21,8 @@ const CORRELATED: f64 = 0.9;
 const NEAR: f64 = 0.046;
 /// Share of what one unit of the positions leaves unexplained, from which another one is right.
 const LESS: f64 = 0.5;
+/// Largest latitude, deg.
+const POLE: f64 = 90.0;
 /// Distances from the centre of the Earth at which vehicles are, m.
 const SURFACE: RangeInclusive<f64> = 6.33e6..=6.42e6;
 
@@ -54,15 +58,101 @@ impl Table<'_> {
         ratio(units::SEMICIRCLE).filter(near).is_some_and(fits)
     }
 
+    /// Tests whether latitudes and longitudes that may be degrees with minutes are minutes of an arc: the velocity beside
+    /// them shows how long a minute of the longitude is.
+    pub(super) fn in_minutes(&self) -> bool {
+        let rest = |factor: f64, minutes: bool| {
+            self.beside_track(factor, minutes).map_or(1.0, |(ratio, _)| ratio.rest)
+        };
+        rest(units::factor("arcmin"), false) < LESS * rest(1.0, true)
+    }
+
+    /// Exchanges the columns of latitude and longitude where the latitudes are beyond the poles, or where the velocity
+    /// beside them moves so.
+    pub(super) fn exchange(&mut self) {
+        if !self.has(&["lat", "lon"]) {
+            return;
+        }
+        let [lat, lon] = ["lat", "lon"].map(|c| self.values(c));
+        let finite = |values: &[f64]| values.iter().copied().filter(|v| v.is_finite()).collect();
+        let [lat, lon]: [Vec<f64>; 2] = [finite(&lat), finite(&lon)];
+        let all = |values: &[f64], range: RangeInclusive<f64>| {
+            !values.is_empty() && values.iter().all(|v| range.contains(&v.abs()))
+        };
+        let plain = |c: &str| {
+            let found = self.find(c);
+            found.is_some_and(|(k, m)| {
+                let unit = m.unit.as_deref().is_none_or(|unit| unit == "deg");
+                unit && self.side(*k, c).is_empty() && self.sexagesimal(c).is_none()
+            })
+        };
+        if !plain("lat") || !plain("lon") || !all(&lon, 0.0..=POLE) {
+            return;
+        }
+        let found = if all(&lat, POLE + f64::MIN_POSITIVE..=180.0) {
+            Some((["lat", "lon"], "the latitudes are beyond the poles"))
+        } else if all(&lat, 0.0..=POLE) {
+            self.exchanged().map(|pair| (pair, "positions and velocity move so"))
+        } else {
+            None
+        };
+        let Some(([first, second], why)) = found else { return };
+        for (_, meaning) in &mut self.columns {
+            meaning.channel = match meaning.channel {
+                channel if channel == first => second,
+                channel if channel == second => first,
+                other => other,
+            };
+        }
+        let text = format!("the columns of {first} and {second} are exchanged: {why}");
+        self.questions.push(text);
+    }
+
+    /// The channels whose columns are exchanged, of positions in degrees that do not move as the velocity beside them.
+    fn exchanged(&self) -> Option<[&'static str; 2]> {
+        let degree = units::factor("deg");
+        let rest = |[first, second]: [&str; 2], velocity: [&str; 2]| {
+            let [lat, lon] =
+                [first, second].map(|c| self.values(c).into_iter().map(|v| v * degree));
+            let place: Vec<[f64; 2]> = lat.zip(lon).map(|(lat, lon)| [lat, lon]).collect();
+            self.beside(&place, velocity).map(|(ratio, _)| ratio.rest)
+        };
+        let (place, velocity) = (["lat", "lon"], ["vel_n", "vel_e"]);
+        if rest(place, velocity).is_some() {
+            return None;
+        }
+        let positions = rest(["lon", "lat"], velocity).unwrap_or(1.0);
+        let along = self.has(&velocity).then(|| rest(place, ["vel_e", "vel_n"])).flatten();
+        let velocities = along.unwrap_or(1.0);
+        match () {
+            () if positions < LESS * velocities => Some(place),
+            () if velocities < LESS * positions => Some(velocity),
+            () => None,
+        }
+    }
+
     /// The ratio of the way between the positions to the velocity beside them, and the unit that its heading states.
-    fn beside_track(&self, factor: f64, minutes: bool) -> Option<(Ratio, Option<String>)> {
+    pub(super) fn beside_track(
+        &self,
+        factor: f64,
+        minutes: bool,
+    ) -> Option<(Ratio, Option<String>)> {
         let angle = |v: f64| match minutes {
             true => ((v / 100.0).trunc() + (v % 100.0) / 60.0).to_radians(),
             false => v * factor,
         };
         let [lat, lon] = ["lat", "lon"].map(|c| self.values(c).into_iter().map(angle));
         let place: Vec<[f64; 2]> = lat.zip(lon).map(|(lat, lon)| [lat, lon]).collect();
-        let along = self.find("vel_n").zip(self.find("vel_e"));
+        self.beside(&place, ["vel_n", "vel_e"])
+    }
+
+    /// The same for positions in rad.
+    fn beside(
+        &self,
+        place: &[[f64; 2]],
+        [north, east]: [&str; 2],
+    ) -> Option<(Ratio, Option<String>)> {
+        let along = self.find(north).zip(self.find(east));
         let over = self.find("speed").zip(self.find("course"));
         let (velocity, meaning): (Vec<[f64; 2]>, _) = match (along, over) {
             (Some(((n, meaning), (e, other))), _) => {
@@ -82,7 +172,7 @@ impl Table<'_> {
             (None, None) => return None,
         };
         let seconds = self.clock(AID_INTERVAL).ok()?.seconds;
-        Some((ratio(&seconds, &place, &velocity)?, meaning.unit.clone()))
+        Some((ratio(&seconds, place, &velocity)?, meaning.unit.clone()))
     }
 
     /// The keys of a velocity that is a speed over ground with a course.
@@ -143,7 +233,7 @@ impl Table<'_> {
 }
 
 /// The ratio of ways to the integrals of velocities.
-struct Ratio {
+pub(super) struct Ratio {
     size: f64,
     /// Share of the ways that it does not explain.
     rest: f64,

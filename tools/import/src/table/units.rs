@@ -24,6 +24,9 @@ const SPREAD: f64 = 2.0;
 const NOISE: f64 = 8e-3;
 /// Length of the means by which gravity is followed, s.
 const BLOCK: f64 = 0.25;
+/// Units of rates that the turn of gravity tells apart, and the largest logarithm of their ratio to it.
+const TURNS: [&str; 5] = ["rad/s", "deg/s", "mrad/s", "deg/(1000*s)", "deg/h"];
+const CLOSE: f64 = 1.1;
 /// Correlation from which the turn of gravity decides.
 const CORRELATED: f64 = 0.6;
 /// Counts of one g in the ranges of usual accelerometers, and the largest factor between them and a norm that is gravity.
@@ -235,18 +238,23 @@ pub fn counted_gyro(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> D
 pub fn gyro(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]], in_g: bool) -> Decided {
     let unit = |degrees: bool| if degrees { "deg/s" } else { "rad/s" };
     let largest = rates.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    let by_turn = by_gravity(times, rates, forces);
+    let distance = |unit: &&&str, size: f64| (size / factor(unit)).ln().abs();
+    let nearest = by_turn.and_then(|size| {
+        let units = TURNS.iter().min_by(|a, b| distance(a, size).total_cmp(&distance(b, size)));
+        units.filter(|unit| distance(unit, size) < CLOSE)
+    });
+    if let Some(unit) = nearest.filter(|unit| **unit != "rad/s" || largest <= RANGE) {
+        let why = "gravity turns at this rate in the axes of the IMU";
+        return decided(unit, why.to_owned(), Evidence::Strong);
+    }
+    if largest > 1.2 * FASTEST {
+        let why = format!("rates up to {largest:.0} are no deg/s");
+        return decided("deg/(1000*s)", why, Evidence::None);
+    }
     if largest > RANGE {
         let why = format!("rates up to {largest:.0} are no rad/s");
         return decided(unit(true), why, Evidence::Strong);
-    }
-    if let Some(factor) = by_gravity(times, rates, forces) {
-        let why = "gravity turns at this rate in the axes of the IMU";
-        let close = |unit: f64| (0.3..3.0).contains(&(factor / unit));
-        for (degrees, unit_size) in [(false, 1.0), (true, DEGREE)] {
-            if close(unit_size) {
-                return decided(unit(degrees), why.to_owned(), Evidence::Strong);
-            }
-        }
     }
     let axis = |k: usize| rates.iter().map(move |w| w[k]);
     let spread = |k: usize| {
@@ -348,6 +356,11 @@ const PARTS: [f64; 3] = [E7, 1e-8, 1e-9];
 pub const E7: f64 = 1e-7;
 pub const SEMICIRCLE: f64 = 180.0 / 2_147_483_648.0;
 
+/// Tests whether the largest latitude and longitude may be minutes of an arc.
+pub fn in_minutes(lat: f64, lon: f64) -> bool {
+    lat <= 90.0 * 60.0 && lon <= 180.5 * 60.0
+}
+
 /// The unit of latitudes and longitudes: a unit, a factor, and `true` for ddmm.mmmm.
 pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool) {
     let largest = |values: &[f64]| {
@@ -365,6 +378,8 @@ pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool)
         ("deg", E7, false)
     } else if (lat > 91.0 || lon > 361.0) && minutes(latitudes) && minutes(longitudes) {
         ("deg", 1.0, true)
+    } else if (lat > 91.0 || lon > 361.0) && in_minutes(lat, lon) {
+        ("arcmin", 1.0, false)
     } else if lat <= FRAC_PI_2 && lon <= PI && lat > 0.0 {
         ("rad", 1.0, false)
     } else {

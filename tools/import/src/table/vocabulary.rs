@@ -65,6 +65,7 @@ pub fn expression(text: &str) -> Option<String> {
         "meters/sec" | "meter/sec" | "metres/sec" | "m s^-1" | "m.s^-1" | "m/sec" | "m s-1"
         | "mps" => Some("m/s"),
         "kph" | "kmh" => Some("km/h"),
+        "mph" => Some("5280*ft/h"),
         "knots" | "kts" | "kt" => Some("kn"),
         "degree" | "degrees" | "°" => Some("deg"),
         "radian" | "radians" => Some("rad"),
@@ -273,6 +274,13 @@ pub fn axis(heading: &str) -> Option<(usize, f64, Option<String>)> {
     let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == words)?;
     let named = words.parse::<usize>().is_err();
     named.then(|| (*axis, *sign, expression(unit.trim_end_matches([']', ')', ' ']))))
+}
+
+/// The axis that the words of a heading name, without the unit in its brackets.
+pub fn axis_of(heading: &str) -> Option<usize> {
+    let name = heading.split(['[', '(']).next().unwrap_or_default();
+    let words = words(name);
+    words.iter().rev().find_map(|word| AXES[..3].iter().position(|(axis, ..)| axis == word))
 }
 
 /// A heading whose axes count from 1 to 3, as `dv[1]`, with those from 0 to 2.

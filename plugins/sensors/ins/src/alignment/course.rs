@@ -24,7 +24,7 @@ use super::config::AlignmentConfig;
 use super::error::AlignmentError;
 use super::inertial::Integral;
 use super::optimisation::Pairs;
-use super::sensors::{Channels, receiver};
+use super::sensors::{Channels, Model, model, receiver};
 use crate::earth::LocalEarth;
 use crate::imu::Imu;
 use crate::mechanisation::Increments;
@@ -39,6 +39,7 @@ use navfuse_core::model::process::start::{
 };
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::Sensor;
+use navfuse_core::model::sensor::measurement::At;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Sample;
@@ -101,6 +102,29 @@ struct First {
 
 saved!(First { fix, gravity });
 
+/// Sums over the fixes by successive positions, each by the time between them: the time, velocity, integral of the
+/// specific force, and stamp since the beginning. The errors of all positions but the first and the last cancel in them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    time: f64,
+    velocity: Vector3<f64>,
+    dvel: Vector3<f64>,
+    stamp: f64,
+}
+
+saved!(Sums { time, velocity, dvel, stamp });
+
+impl Sums {
+    fn add(&mut self, fix: &Fix, since: f64) {
+        // the error of the way is the same for all
+        let dt = 1.0 / fix.sigma[0];
+        self.time += dt;
+        self.velocity += fix.velocity * dt;
+        self.dvel += fix.dvel * dt;
+        self.stamp += since * dt;
+    }
+}
+
 /// The coarse solution: time since the beginning, s, and attitude, rad.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
@@ -131,11 +155,14 @@ pub(crate) struct CourseAlignment {
     /// Set if the scenario does not give the position.
     finds_position: bool,
     sensed: Option<Sensed>,
+    /// Model of the receiver, whose noise counts for positions without velocity.
+    model: Option<Model>,
     /// Time of the beginning and of the last driving sample.
     span: Option<(Time, Time)>,
     integral: Integral,
     positions: Positions,
     first: Option<First>,
+    sums: Sums,
     /// Pairs of a vehicle that moves ahead, and of one that reverses.
     pairs: [Pairs; 2],
     /// Number of fixes in motion.
@@ -144,9 +171,9 @@ pub(crate) struct CourseAlignment {
 }
 
 saved!(CourseAlignment {
-    span, integral, positions, first, pairs, moving, found,
+    span, integral, positions, first, sums, pairs, moving, found,
 } except {
-    settings, navigation, imu, finds_position, sensed,
+    settings, navigation, imu, finds_position, sensed, model,
 });
 
 impl CourseAlignment {
@@ -162,10 +189,12 @@ impl CourseAlignment {
             imu,
             finds_position,
             sensed: None,
+            model: None,
             span: None,
             integral: Integral::default(),
             positions: Positions::default(),
             first: None,
+            sums: Sums::default(),
             pairs: [Pairs::default(); 2],
             moving: 0,
             found: None,
@@ -174,6 +203,9 @@ impl CourseAlignment {
 
     /// Adds the pairs of vectors of a fix.
     fn fix(&mut self, fix: Fix) {
+        if let Some((begin, _)) = self.span {
+            self.sums.add(&fix, fix.time.since(begin));
+        }
         let Some(first) = self.first else {
             let place = fix.place.1;
             let gravity = LocalEarth::at(place.latitude, place.height).gravity;
@@ -197,18 +229,33 @@ impl CourseAlignment {
         self.moving += usize::from(moves);
     }
 
+    /// The 1-sigma of a position, horizontal and vertical, m.
+    fn noise(&self, position: usize, at: &At<'_>) -> [f64; 2] {
+        let Some(model) = &self.model else { return [0.0; 2] };
+        let count = model.channels();
+        let mut noise = vec![0.0; count * count];
+        model.noise(at, &mut noise);
+        let sigma = |k: usize| noise.get(k * (count + 1)).map_or(0.0, |variance| variance.sqrt());
+        [sigma(position).max(sigma(position + 1)), sigma(position + 2)]
+    }
+
     /// The velocity that a sample of GNSS gives.
-    fn velocity(&mut self, sensed: &Sensed, sample: &Sample) -> Option<Fix> {
-        let at = |k: usize| sample.get(sensed.position + k);
-        let height = at(2).or(self.first.map(|first| first.fix.place.1.height)).unwrap_or(0.0);
-        let place = (sample.time, Geodetic { latitude: at(0)?, longitude: at(1)?, height });
-        let Some(first) = sensed.velocity else { return self.positions.take(place) };
+    fn velocity(&mut self, sensed: &Sensed, at: &At<'_>) -> Option<Fix> {
+        let sample = at.sample;
+        let channel = |k: usize| sample.get(sensed.position + k);
+        let height = channel(2).or(self.first.map(|first| first.fix.place.1.height)).unwrap_or(0.0);
+        let place =
+            (sample.time, Geodetic { latitude: channel(0)?, longitude: channel(1)?, height });
+        let Some(first) = sensed.velocity else {
+            let noise = self.noise(sensed.position, at);
+            return self.positions.take(place, noise);
+        };
         let [north, east] = sample.array(first)?;
         let velocity = Vector3::new(north, east, sample.get(first + 2).unwrap_or(0.0));
         Some(Fix::measured(place, velocity, &self.integral))
     }
 
-    /// Velocity and position at the beginning, to which the first mean of positions is carried
+    /// Velocity and position at the beginning, to which the means between positions are carried
     /// back; a measured velocity is near enough.
     fn beginning(
         &self,
@@ -220,8 +267,8 @@ impl CourseAlignment {
         let Some((begin, _)) = self.span.filter(|_| !measured) else {
             return (fix.velocity, place);
         };
-        let gained = c_b0_n * fix.dvel + Vector3::z() * (gravity * fix.time.since(begin));
-        let velocity = fix.velocity - gained;
+        let Sums { time, velocity, dvel, stamp } = self.sums;
+        let velocity = (velocity - c_b0_n * dvel - Vector3::z() * (gravity * stamp)) / time;
         (velocity, place.displaced(&(velocity * -at.since(begin))))
     }
 
@@ -253,6 +300,7 @@ impl InitialAlignment for CourseAlignment {
         };
         let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
         let Channels { position, velocity } = channels;
+        self.model = model(&sensors[gnss]).ok();
         self.sensed = Some(Sensed { driver, gnss, position, velocity });
         Ok(())
     }
@@ -277,7 +325,7 @@ impl InitialAlignment for CourseAlignment {
                 self.span = Some((begin, sample.time));
             }
         } else if sample.sensor.0 == sensed.gnss
-            && let Some(fix) = self.velocity(&sensed, sample)
+            && let Some(fix) = self.velocity(&sensed, &At { layout, state, sample })
         {
             self.fix(fix);
             let elapsed = sample.time.since(begin);

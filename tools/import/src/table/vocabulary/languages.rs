@@ -1,6 +1,6 @@
 //! Words of other languages, without accents, for those of the vocabulary.
 
-/// An English word with the words of German, French, Spanish, Italian, Portuguese, Dutch and Norwegian for it.
+/// An English word with the words of German, French, Spanish, Italian, Portuguese, Dutch, Norwegian and Chinese for it.
 const WORDS: [(&str, &[&str]); 12] = [
     (
         "acceleration",
@@ -12,6 +12,7 @@ const WORDS: [(&str, &[&str]); 12] = [
             "aceleracao",
             "versnelling",
             "akselerasjon",
+            "加速度",
         ],
     ),
     (
@@ -26,15 +27,42 @@ const WORDS: [(&str, &[&str]); 12] = [
             "velocidadeangular",
             "hoeksnelheid",
             "vinkelhastighet",
+            "角速度",
         ],
     ),
     ("gyroscope", &["gyroskop", "giroscopio", "giroscopo", "gyroscoop"]),
-    ("latitude", &["breite", "breitengrad", "latitud", "latitudine", "breedtegraad", "breddegrad"]),
+    (
+        "latitude",
+        &["breite", "breitengrad", "latitud", "latitudine", "breedtegraad", "breddegrad", "纬度"],
+    ),
     (
         "longitude",
-        &["länge", "laenge", "längengrad", "longitud", "longitudine", "lengtegraad", "lengdegrad"],
+        &[
+            "länge",
+            "laenge",
+            "längengrad",
+            "longitud",
+            "longitudine",
+            "lengtegraad",
+            "lengdegrad",
+            "经度",
+        ],
     ),
-    ("altitude", &["höhe", "hoehe", "altitud", "altura", "quota", "altitudine", "hoogte", "høyde"]),
+    (
+        "altitude",
+        &[
+            "höhe",
+            "hoehe",
+            "altitud",
+            "altura",
+            "quota",
+            "altitudine",
+            "hoogte",
+            "høyde",
+            "高度",
+            "海拔",
+        ],
+    ),
     (
         "speed",
         &[
@@ -45,11 +73,25 @@ const WORDS: [(&str, &[&str]); 12] = [
             "velocidade",
             "snelheid",
             "hastighet",
+            "速度",
         ],
     ),
-    ("course", &["kurs", "cap", "rumbo", "rotta", "rumo", "koers", "routefond"]),
-    ("time", &["zeit", "zeitstempel", "uhrzeit", "temps", "horodatage", "tiempo", "tempo", "tijd"]),
-    ("date", &["datum", "fecha", "dato"]),
+    ("course", &["kurs", "cap", "rumbo", "rotta", "rumo", "koers", "routefond", "航向"]),
+    (
+        "time",
+        &[
+            "zeit",
+            "zeitstempel",
+            "uhrzeit",
+            "temps",
+            "horodatage",
+            "tiempo",
+            "tempo",
+            "tijd",
+            "时间",
+        ],
+    ),
+    ("date", &["datum", "fecha", "dato", "日期"]),
     (
         "depth",
         &[
@@ -61,6 +103,7 @@ const WORDS: [(&str, &[&str]); 12] = [
             "profundidade",
             "diepte",
             "dybde",
+            "深度",
         ],
     ),
     ("pressure", &["druck", "pression", "presion", "pressione", "pressao", "druk", "trykk"]),

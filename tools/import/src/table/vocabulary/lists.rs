@@ -132,6 +132,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
             "hae",
             "altitude",
             "alt",
+            "alti",
             "hgt",
             "h",
             "heightmsl",

@@ -10,14 +10,20 @@ use nalgebra::Vector3;
 use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::time::{Span, Time};
+use std::f64::consts::SQRT_2;
 
 /// Least time, s, and least distance, m, between two positions that give a velocity, and the time
 /// after which they give one at any distance.
 const SHORTEST: f64 = 1.0;
 const LEAST: f64 = 3.0;
 const LONGEST: f64 = 10.0;
-/// Error of a distance between two positions, m: most of the error of a receiver is common to both.
+/// Least error of a distance between two positions, m: most of the error of a good receiver is common to both.
 const DISTANCE: f64 = 0.7;
+/// Least distance in errors of it: noise in the plane, of which each axis has this error, is further by
+/// exp(-3^2 / 2) = 1 %.
+const CLEAR: f64 = 3.0;
+/// Usual slope of a path: a vertical noise above it shows no vertical velocity.
+const SLOPE: f64 = 0.2;
 
 /// The velocity at a time, and what the IMU measured until then.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,19 +86,24 @@ impl Positions {
         self.values = values;
     }
 
-    /// The mean velocity since an earlier position, with this one; `None` until the two are far
-    /// enough apart.
-    pub fn take(&mut self, place: (Time, Geodetic<f64>)) -> Option<Fix> {
+    /// The mean velocity since an earlier position, with this one, whose 1-sigma is horizontal and vertical, m; `None`
+    /// until the two are far enough apart.
+    pub fn take(&mut self, place: (Time, Geodetic<f64>), noise: [f64; 2]) -> Option<Fix> {
         let here = Anchor { place, integrals: self.integrals };
         let from = *self.anchor.get_or_insert(here);
-        let (dt, moved) = (place.0.since(from.place.0), place.1.ned_from(&from.place.1));
-        if dt < SHORTEST || (moved.norm() < LEAST && dt < LONGEST) {
+        let (dt, mut moved) = (place.0.since(from.place.0), place.1.ned_from(&from.place.1));
+        // both positions have the noise that the filter assumes to be white
+        let [error, height] = noise.map(|sigma| (SQRT_2 * sigma).max(DISTANCE));
+        let way = moved.xy().norm();
+        if dt < SHORTEST || (way < LEAST.max(CLEAR * error) && dt < LONGEST) {
             return None;
         }
+        let slope = (SLOPE * way).powi(2);
+        moved.z *= slope / (slope + height * height);
         self.anchor = Some(here);
         let [dvel, forward] = [0, 1].map(|k| (here.integrals[k] - from.integrals[k]) / dt);
         let time = from.place.0 + Span::from_seconds(0.5 * dt)?;
-        let sigma = [DISTANCE / dt, SLIP.hypot(DISTANCE / moved.norm().max(DISTANCE))];
+        let sigma = [error / dt, SLIP.hypot(error / moved.norm().max(error))];
         Some(Fix { time, velocity: moved / dt, dvel, forward, sigma, place: from.place })
     }
 }

@@ -71,6 +71,7 @@ fn a_receiver_with_position_and_velocity_is_found_or_named() {
         let Sensed { driver, gnss, position, velocity } = search.sensed.unwrap();
         assert_eq!((driver, gnss), (index("imu"), index(expected)), "{wanted:?}");
         assert_eq!((position, velocity), (3, Some(0)));
+        assert!(search.model.is_some());
     }
     for wanted in ["speeds", "imu", "none"] {
         let mut search = search_with(&bench, &json!({ "velocity": wanted }), (0.0, 0.0));
@@ -202,6 +203,27 @@ fn positions_without_velocity_align_a_car() {
         let error = state.get(layout, bench.navigation.velocity)
             - Vector3::new(start * cos, start * sin, 0.0);
         assert!(error.norm() < 1e-3, "{error}");
+    }
+}
+
+/// Positions of a vehicle at rest that differ by 3.2 m. Without noise this is a way; with a noise of 1.5 m only the tenth
+/// second counts, by the error of two positions.
+#[test]
+fn positions_that_differ_by_their_noise_are_no_motion() {
+    for (noise, expected) in [([0.0; 2], 1.0), ([1.5, 2.5], 10.0)] {
+        let mut positions = Positions::default();
+        let place = Geodetic { latitude: 0.8, longitude: 0.1, height: 50.0 };
+        let found = (0..100_i64).find_map(|k| {
+            let time = Time::from_nanos(k * 200_000_000);
+            let off = if k % 2 == 0 { -1.6 } else { 1.6 };
+            let fix =
+                positions.take((time, place.displaced(&Vector3::new(off, 0.0, 0.0))), noise)?;
+            Some((time.seconds(), fix))
+        });
+        let (at, fix) = found.unwrap();
+        assert!((at - expected).abs() < 0.1, "{noise:?}: {at}");
+        let error = (2_f64.sqrt() * noise[0]).max(0.7);
+        assert!((fix.sigma[0] - error / at).abs() < 1e-9, "{noise:?}: {}", fix.sigma[0]);
     }
 }
 
