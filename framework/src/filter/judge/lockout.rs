@@ -31,7 +31,8 @@ pub(in crate::filter) use evidence::{
     Conviction, Evidence, Isolation, Judged, Largest, Streak, Verdict,
 };
 use words::{
-    CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted, find, log,
+    CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted, find,
+    lasts_on, log,
 };
 
 /// Number of gated samples in a row that causes a warning.
@@ -56,6 +57,9 @@ const RETURN: u32 = 5;
 /// and a sensor that is wrong at random times is wrong in the shorter one at the odds of their lengths.
 const MAJORITY: u64 = 10;
 
+/// Number of times that the filter follows a sensor until it is clear that this ends nothing.
+const LASTING: u32 = 3;
+
 /// Share of an innovation's square below which it counts as gone: half of its size.
 pub(in crate::filter) const GONE: f64 = 0.25;
 
@@ -75,18 +79,27 @@ pub(in crate::filter) struct Lockout {
     /// Set once the sensor was used after a lock-out that no evidence decided: the filter may be
     /// wrong since then, so a jump is no evidence against the sensor any more.
     adopted: bool,
+    /// Number of such lock-outs that soon followed each other, from one on at which no other sensor contradicted the
+    /// filter: if several do at first, the driving sensor is at fault.
+    alone: u32,
+    /// Set for a sensor, and not for a rule that the scenario states as one.
+    measures: bool,
     /// Number of used samples since the start or the last recovery.
     accepted: u64,
 }
 
 saved!(Lockout {
-    streak, isolation, last, used, rhythm, spread, adopted, accepted,
+    streak, isolation, last, used, rhythm, spread, adopted, alone, accepted,
 } except {
-    timeout, channels,
+    timeout, channels, measures,
 });
 
 impl Lockout {
-    pub(in crate::filter) fn new(timeout: Option<f64>, channels: &[Channel]) -> Self {
+    pub(in crate::filter) fn new(
+        timeout: Option<f64>,
+        channels: &[Channel],
+        measures: bool,
+    ) -> Self {
         Self {
             streak: None,
             isolation: None,
@@ -97,6 +110,8 @@ impl Lockout {
             rhythm: Rhythm::default(),
             spread: 1.0,
             adopted: false,
+            alone: 0,
+            measures,
             accepted: 0,
         }
     }
@@ -351,8 +366,16 @@ impl Lockout {
                         (Severity::DoNotUse, "", EITHER)
                     };
                     self.adopted |= !replaced;
+                    if self.accepted > MAJORITY * count {
+                        self.alone = 0;
+                    }
+                    let counts = self.measures && (self.alone > 0 || !evidence.shared);
+                    self.alone += u32::from(counts && !replaced);
                     let text = format!("{lock_out}{reason}; {INFLATED}");
-                    find(sample, severity, text, remedy, observer);
+                    match self.alone {
+                        times @ LASTING.. if !replaced => lasts_on(sample, times, &text, observer),
+                        _ => find(sample, severity, text, remedy, observer),
+                    }
                 }
                 let undecided = silence.is_some() && !replaced && !evidence.shared;
                 if undecided { Verdict::Adopt } else { Verdict::Inflate }

@@ -85,12 +85,13 @@ impl SensorSlot {
         let single = watched && !several;
         let inflates = sensor.recovery.action == Action::Inflate;
         let groups = if single { groups(&sensor.info.channels, used) } else { Vec::new() };
+        let measures = !sensor.constraint && sensor.detector.is_none();
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
             several,
             last: Time::MIN,
-            lockout: Lockout::new(sensor.timeout, &sensor.info.channels),
+            lockout: Lockout::new(sensor.timeout, &sensor.info.channels, measures),
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
             thresholds,

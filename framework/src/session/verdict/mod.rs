@@ -152,12 +152,16 @@ impl Judge {
         let mut report = Report::default();
         let driver = self.driver().map(str::to_owned);
         let driver = driver.as_deref();
+        let findings = &superseded(findings)[..];
         let parts = of_each_part(findings);
         let found_of = |basis: Basis| {
             let findings = parts.iter().filter(move |f| f.basis == basis);
             findings.map(move |finding| found(finding, driver))
         };
-        report.reasons.extend(found_of(Basis::Samples));
+        let mut contradict_physics: Vec<Reason> = found_of(Basis::Samples).collect();
+        // a finding about one part says more than one about either of two
+        contradict_physics.sort_by_key(|reason| reason.about.contains(", "));
+        report.reasons.append(&mut contradict_physics);
         report.reasons.extend(error.map(|text| {
             reason(
                 Criterion::Ended,
@@ -217,6 +221,25 @@ fn misses(explanation: &Finding, refused: Option<&str>, findings: &[Finding]) ->
     };
     refused.is_some_and(|sensor| sensor != explanation.about)
         && findings.iter().any(|before| contradicted(&before))
+}
+
+/// The findings, without the doubt that an error of one sensor cast on others before it was explained and
+/// contained: a noise that is stated too small moves the estimate as a fault of another sensor would.
+fn superseded(findings: &[Finding]) -> Vec<Finding> {
+    let explains = |later: &Finding, doubt: &Finding| {
+        (later.basis, later.severity) == (Basis::Explanation, Severity::Contained)
+            && later.about != doubt.about
+            && later.time >= doubt.time
+    };
+    let mut all = findings.to_vec();
+    let doubts =
+        |f: &&mut Finding| (f.basis, f.severity) == (Basis::Comparison, Severity::Doubtful);
+    for doubt in all.iter_mut().filter(doubts) {
+        if findings.iter().any(|later| explains(later, doubt)) {
+            doubt.severity = Severity::Contained;
+        }
+    }
+    all
 }
 
 /// Counts gated or rejected samples as part of a fault of their sensor that was found and

@@ -4,7 +4,7 @@
 use super::innovations::SensorStatistics;
 use super::report::{FALSE_ALARM, Report};
 use super::states::StateStatistics;
-use super::{Judge, of_each_part};
+use super::{Judge, of_each_part, superseded};
 use crate::compose::Composer;
 use crate::model::chi_square::gated_moments;
 use crate::model::record::answers::Truth;
@@ -171,6 +171,41 @@ fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
         report.reasons[0]
     );
     assert!(report.reasons[1].text.contains("30 of 60"), "{:?}", report.reasons[1]);
+}
+
+/// A noise that is stated too small moves the estimate as a fault of the IMU would, until it is known.
+#[test]
+fn a_doubt_before_the_error_of_another_sensor_was_contained_is_none() {
+    let finding = |time: f64, about: &str, severity, basis| Finding {
+        time: Time::from_nanos((time * 1e9) as i64),
+        about: about.to_owned(),
+        severity,
+        basis,
+        ..Finding::default()
+    };
+    let noise = finding(41.0, "gnss", Severity::Contained, Basis::Explanation);
+    let severity = |about: &str, time: f64, severity| {
+        let doubt = finding(time, about, severity, Basis::Comparison);
+        superseded(&[doubt, noise.clone()])[0].severity
+    };
+    assert_eq!(severity("imu", 40.0, Severity::Doubtful), Severity::Contained);
+    assert_eq!(severity("imu", 42.0, Severity::Doubtful), Severity::Doubtful);
+    assert_eq!(severity("gnss", 40.0, Severity::Doubtful), Severity::Doubtful);
+    assert_eq!(severity("imu", 40.0, Severity::DoNotUse), Severity::DoNotUse);
+}
+
+/// The accelerations show that one of two is turned, the senses which one.
+#[test]
+fn a_part_that_contradicts_physics_comes_before_a_pair_of_which_one_does() {
+    let finding = |about: &str| Finding {
+        about: about.to_owned(),
+        severity: Severity::DoNotUse,
+        basis: Basis::Samples,
+        ..Finding::default()
+    };
+    let verdict = corrected(0.0, &[finding("imu, dvl"), finding("dvl")]);
+    let about: Vec<&str> = verdict.reasons.iter().map(|r| r.about.as_str()).collect();
+    assert_eq!(about[..2], ["dvl", "imu, dvl"]);
 }
 
 /// A later finding of the same part replaces an earlier one if it is worse, or names an error that

@@ -1,9 +1,10 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Eight rules, each in a file of its own: the specific force is about as large as gravity and points
+//! Nine rules, each in a file of its own: the specific force is about as large as gravity and points
 //! up, the accelerations are those that another sensor measures, and at the same time, gravity turns as
-//! the gyros turn, white noise is as strong as stated, the tilt is known well enough for the
-//! accelerometers, the heading for the way made, and constant biases stay constant.
+//! the gyros turn, and so do the velocities of a sensor in body axes, white noise is as strong as stated,
+//! the tilt is known well enough for the accelerometers, the heading for the way made, and constant biases
+//! stay constant.
 
 mod axes;
 mod clock;
@@ -12,6 +13,7 @@ mod fault;
 mod gravity;
 mod heading;
 mod levelling;
+mod senses;
 mod turning;
 mod whiteness;
 
@@ -31,6 +33,7 @@ use navfuse_core::model::process::monitor::{MeasuredVelocity, Monitor};
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::units::time::Time;
+use senses::Senses;
 use turning::Turning;
 use whiteness::Whiteness;
 
@@ -46,12 +49,13 @@ pub(crate) struct ImuMonitor {
     levelling: Levelling,
     heading: Heading,
     turning: Turning,
+    senses: Senses,
     whiteness: Whiteness,
     drift: Drift,
 }
 
 saved!(ImuMonitor {
-    gravity, axes, clock, levelling, heading, turning, whiteness, drift,
+    gravity, axes, clock, levelling, heading, turning, senses, whiteness, drift,
 } except {
     name, imu, navigation,
 });
@@ -70,6 +74,7 @@ impl ImuMonitor {
             levelling: Levelling::new(navigation, tilt.is_none()),
             heading: Heading::new(navigation),
             turning: Turning::default(),
+            senses: Senses::default(),
             whiteness: Whiteness::new(imu),
             drift: Drift::new(navigation),
         }
@@ -92,6 +97,7 @@ impl Monitor for ImuMonitor {
         if let Some(fault) = self.gravity.take(filter, &self.navigation, &f, dt) {
             self.axes.end();
             self.clock.end();
+            self.senses.end();
             return Some(self.finding(time, fault));
         }
         if let Some((fault, other)) = self.axes.take(&f, dt) {
@@ -104,7 +110,15 @@ impl Monitor for ImuMonitor {
             self.axes.end();
             return Some(fault.about(time, sensor.to_owned()));
         }
-        let fault = (self.turning.take(&w, &f, dt))
+        if let Some((fault, sensor)) = self.senses.take(&w, &f, dt) {
+            let about = sensor.unwrap_or(&self.name).to_owned();
+            return Some(fault.about(time, about));
+        }
+        let turning = self.turning.take(&w, &f, dt);
+        if turning.is_some() {
+            self.senses.end();
+        }
+        let fault = turning
             .or_else(|| self.whiteness.take(&w, &f, dt))
             .or_else(|| self.levelling.take(filter, time))
             .or_else(|| self.heading.take(filter, time))
@@ -123,6 +137,7 @@ impl Monitor for ImuMonitor {
     fn measured(&mut self, filter: &FilterView<'_>, velocity: &MeasuredVelocity<'_>) {
         self.axes.measured(filter, &self.navigation, velocity);
         self.clock.measured(velocity);
+        self.senses.measured(filter, &self.navigation, velocity);
     }
 
     fn widened(&mut self) {

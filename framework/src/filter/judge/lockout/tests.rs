@@ -6,10 +6,10 @@ use crate::model::record::finding::Finding;
 fn an_outlier_on_either_side_of_an_outage_causes_no_suspicion_and_a_third_one_does() {
     let suspects = |count: u64| {
         let streak = Streak { count, ..Streak::default() };
-        Lockout { streak: Some(streak), ..Lockout::new(None, &[]) }.suspects()
+        Lockout { streak: Some(streak), ..Lockout::new(None, &[], true) }.suspects()
     };
     assert_eq!([1, 2, 3].map(suspects), [false, false, true]);
-    assert!(!Lockout::new(None, &[]).suspects());
+    assert!(!Lockout::new(None, &[], true).suspects());
 }
 
 /// Findings by their severity, and events by their level, of a run.
@@ -50,7 +50,7 @@ impl Sensor {
     /// A sensor without a sample.
     fn unused(action: Action) -> Self {
         let recovery = Recovery { action, ..Recovery::default() };
-        Self { lockout: Lockout::new(None, &[]), recovery, reports: Reports::default() }
+        Self { lockout: Lockout::new(None, &[], true), recovery, reports: Reports::default() }
     }
 
     /// A sensor of which samples with a NIS of 1 passed at 0, 1, 2 to 10 s.
@@ -100,7 +100,7 @@ fn from(first: f64) -> impl Iterator<Item = f64> {
 fn the_filter_is_suspected_after_the_silence_of_a_lost_sensor_or_the_given_one() {
     let silence = |timeout: Option<f64>, times: &[f64]| {
         let recovery = Recovery::default();
-        let (lockout, reports) = (Lockout::new(timeout, &[]), Reports::default());
+        let (lockout, reports) = (Lockout::new(timeout, &[], true), Reports::default());
         let mut sensor = Sensor { lockout, recovery, reports };
         times.iter().for_each(|&time| {
             sensor.judge(time, 1.0, 1.0, GOOD);
@@ -177,6 +177,38 @@ fn a_sensor_that_jumped_is_isolated_and_one_that_drifted_inflates() {
     assert_eq!(found(11.0, 39.0), inflated);
     assert_eq!(found(13.0, 41.0), isolated);
     assert_eq!(found(13.5, 41.0), inflated);
+}
+
+/// The basis of the findings is not kept here; the words are.
+#[test]
+fn a_sensor_that_the_filter_follows_in_vain_three_times_has_an_error_that_lasts() {
+    let lasting = |sensor: &Sensor| {
+        let lasts = |(_, text): &&(Severity, String)| text.contains("has an error that lasts");
+        sensor.reports.findings.iter().filter(lasts).count()
+    };
+    let follow = |measures: bool, first: Evidence, between: u32| {
+        let mut sensor = Sensor::new(Action::Inflate);
+        sensor.lockout.measures = measures;
+        let mut time = 15.0;
+        for round in 0..3 {
+            let evidence = if round == 0 { first } else { BAD };
+            while sensor.judge(time, 30.0, 1.0, evidence) != Verdict::Inflate {
+                time += 1.0;
+            }
+            (0..between).for_each(|k| {
+                assert_eq!(sensor.judge(time + f64::from(k), 1.0, 1.0, GOOD), Verdict::Pass);
+            });
+            time += f64::from(between) + 1.0;
+        }
+        lasting(&sensor)
+    };
+    assert_eq!(follow(true, BAD, 1), 1);
+    // if others contradict the filter too at first, it is the driving sensor
+    assert_eq!(follow(true, Evidence { shared: true, ..BAD }, 1), 0);
+    // a rule that the scenario states is none
+    assert_eq!(follow(false, BAD, 1), 0);
+    // 31 samples are gated in 30 s: ten times as many that agree end the account
+    assert_eq!(follow(true, BAD, 312), 0);
 }
 
 /// With the weight 1/50 the mean NIS of each channel is `2 - 0.98^n` after `n` samples with 2: the

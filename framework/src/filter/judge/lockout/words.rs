@@ -34,6 +34,10 @@ pub(super) const EITHER: &str = "no other sensor decides which one is wrong: loo
                                  from then on, and at the noise of the driving sensor; recovery.action = \
                                  \"report\" keeps the filter from adopting them";
 
+/// Remedy where the fault lasts.
+const SINCE_THE_START: &str = "check the axes, signs, unit, clock and mounting of the sensor, and then those of \
+                               the driving sensor; `navfuse diagnose` tries each";
+
 pub(super) fn log(sample: &Judged<'_>, level: Level, text: String, observer: &mut dyn Observer) {
     observer.event(Event { time: sample.time, level, about: sample.sensor.to_owned(), text });
 }
@@ -47,6 +51,22 @@ pub(super) fn find(
 ) {
     let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
     let basis = Basis::Comparison;
+    observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
+
+/// Reports a sensor that contradicts the filter again and again after it has followed it: an error of the estimate,
+/// or a step of either sensor, would have been over.
+pub(super) fn lasts_on(
+    sample: &Judged<'_>,
+    times: u32,
+    lock_out: &str,
+    observer: &mut dyn Observer,
+) {
+    let text = format!(
+        "{lock_out}; that was so {times} times: the sensor has an error that lasts, or the driving sensor has one"
+    );
+    let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), SINCE_THE_START.to_owned());
+    let (severity, basis) = (Severity::DoNotUse, Basis::Explanation);
     observer.finding(Finding { time, about, severity, basis, text, remedy });
 }
 

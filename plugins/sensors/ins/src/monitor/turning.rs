@@ -21,16 +21,44 @@ const LEAST: f64 = 0.1;
 /// Number of blocks before a decision.
 const BLOCKS: u32 = 8;
 
-/// Errors of use: the samples as they should be, from those that are.
+/// An error of use: the samples as they should be, from those that are.
+struct Reading {
+    words: &'static str,
+    /// Matrices on the specific force and on the angular rate, by row.
+    force: [f64; 9],
+    rate: [f64; 9],
+}
+
+const ONE: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+const fn diagonal(x: f64, y: f64, z: f64) -> [f64; 9] {
+    [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]
+}
+
+/// Axes of the whole IMU.
+const fn axes(words: &'static str, axes: [f64; 9]) -> Reading {
+    Reading { words, force: axes, rate: axes }
+}
+
+/// Gyros beside right accelerometers.
+const fn gyros(words: &'static str, rate: [f64; 9]) -> Reading {
+    Reading { words, force: ONE, rate }
+}
+
+const DEGREE: f64 = 0.017_453_292_519_943_295;
+
 #[rustfmt::skip]
-const ERRORS: [(&str, [f64; 9], f64); 7] = [
-    ("the gyros are in deg/s", [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], 0.017_453_292_519_943_295),
-    ("the x axis points backward", [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], 1.0),
-    ("the y axis points left", [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0], 1.0),
-    ("the z axis points up", [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0], 1.0),
-    ("the x and y axes are swapped", [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 1.0),
-    ("the x and z axes are swapped", [0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0], 1.0),
-    ("the y and z axes are swapped", [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0], 1.0),
+const ERRORS: [Reading; 10] = [
+    gyros("the gyros are in deg/s", diagonal(DEGREE, DEGREE, DEGREE)),
+    gyros("the gyros were converted from deg/s twice", diagonal(1.0 / DEGREE, 1.0 / DEGREE, 1.0 / DEGREE)),
+    gyros("the x gyro has the other sign", diagonal(-1.0, 1.0, 1.0)),
+    gyros("the y gyro has the other sign", diagonal(1.0, -1.0, 1.0)),
+    axes("the x axis points backward", diagonal(-1.0, 1.0, 1.0)),
+    axes("the y axis points left", diagonal(1.0, -1.0, 1.0)),
+    axes("the z axis points up", diagonal(1.0, 1.0, -1.0)),
+    axes("the x and y axes are swapped", [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+    axes("the x and z axes are swapped", [0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0]),
+    axes("the y and z axes are swapped", [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0]),
 ];
 
 /// Mean rates of a block.
@@ -54,11 +82,12 @@ struct Squares {
 saved!(Squares { residual, change });
 
 impl Squares {
-    /// Adds two blocks, read with axes `m` and rates times `unit`.
-    fn add(&mut self, m: &Matrix3<f64>, unit: f64, before: &Block, after: &Block) {
-        let p = |b: &Block| m * b.f - (m * b.w * unit).cross(&b.v);
+    /// Adds two blocks, read with these matrices on the specific force and on the angular rate.
+    fn add(&mut self, force: &[f64; 9], rate: &[f64; 9], before: &Block, after: &Block) {
+        let (force, rate) = (Matrix3::from_row_slice(force), Matrix3::from_row_slice(rate));
+        let p = |b: &Block| force * b.f - (rate * b.w).cross(&b.v);
         let (p0, p1) = (p(before), p(after));
-        let angle = m * (before.w + after.w) * (0.5 * unit * BLOCK);
+        let angle = rate * (before.w + after.w) * (0.5 * BLOCK);
         let (change, turned) = (p1 - p0, -angle.cross(&((p0 + p1) * 0.5)));
         self.residual += (change - turned).norm_squared();
         self.change += change.norm_squared();
@@ -95,9 +124,9 @@ impl Turning {
         (self.w, self.f, self.time) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         let before = self.before.replace(block)?;
         self.blocks += 1;
-        self.right.add(&Matrix3::identity(), 1.0, &before, &block);
-        for (squares, (_, axes, unit)) in self.wrong.iter_mut().zip(&ERRORS) {
-            squares.add(&Matrix3::from_row_slice(axes), *unit, &before, &block);
+        self.right.add(&ONE, &ONE, &before, &block);
+        for (squares, Reading { force, rate, .. }) in self.wrong.iter_mut().zip(&ERRORS) {
+            squares.add(force, rate, &before, &block);
         }
         self.decide()
     }
@@ -107,13 +136,13 @@ impl Turning {
             return None;
         }
         // an error of use that puts a level vehicle on its side is none
-        let level = |axes: &[f64; 9]| {
+        let level = |force: &[f64; 9]| {
             let f =
-                Matrix3::from_row_slice(axes) * self.before.map_or_else(Vector3::zeros, |b| b.f);
+                Matrix3::from_row_slice(force) * self.before.map_or_else(Vector3::zeros, |b| b.f);
             f.z < -0.5 * f.norm()
         };
-        let squares = self.wrong.iter().zip(&ERRORS).filter(|(_, (_, axes, _))| level(axes));
-        let (best, (name, ..)) =
+        let squares = self.wrong.iter().zip(&ERRORS).filter(|(_, reading)| level(&reading.force));
+        let (best, Reading { words, .. }) =
             squares.min_by(|(a, _), (b, _)| a.residual.total_cmp(&b.residual))?;
         let ratio = self.right.residual / best.residual;
         if best.change < LEAST || ratio < EVIDENCE || best.residual > EXPLAINED * best.change {
@@ -125,11 +154,11 @@ impl Turning {
             basis: Basis::Samples,
             text: format!(
                 "gravity does not turn as the gyros turn; the residuals are {:.0} times smaller if, \
-                 for example, {name}",
+                 for example, {words}",
                 ratio.sqrt()
             ),
-            remedy: "check the units of the gyros, and that the axes of gyros and accelerometers \
-                     are forward, right, down: change the sign of one axis, or exchange two"
+            remedy: "check the units and signs of the gyros, and that the axes of gyros and \
+                     accelerometers are forward, right, down: change the sign of one axis, or exchange two"
                 .to_owned(),
         })
     }
@@ -179,11 +208,12 @@ mod tests {
     /// the motion in a block, less than a tenth of the change.
     #[test]
     fn every_error_of_use_is_named_after_eight_changes() {
-        for (name, axes, unit) in ERRORS {
-            let m = Matrix3::from_row_slice(&axes);
+        for Reading { words: name, force, rate } in ERRORS {
+            let [force, rate] = [force, rate].map(|m| Matrix3::from_row_slice(&m));
+            let inverse = rate.try_inverse().unwrap();
             let read = |k| {
                 let (w, f) = rocking(k, 1.0);
-                (m * w / unit, m * f)
+                (inverse * w, force * f)
             };
             let (samples, found) = fault(read).unwrap();
             assert_eq!(f64::from(samples) / RATE, 4.5, "{name}");
