@@ -1,6 +1,6 @@
 //! The bytes of a file: unpacked, as UTF-8, with spaces joined where they separate cells, with decimal
-//! points, and in rows of a bounded length. A file without line ends, or with a quotation mark that is never closed, would otherwise
-//! fill the memory with one row.
+//! points, and in rows of a bounded length. A file without line ends, or with a quotation mark that is
+//! never closed, would otherwise fill the memory with one row.
 
 use crate::folder::{Folder, is_folder};
 use crate::labelled::Labelled;
@@ -33,8 +33,6 @@ pub struct Form {
     pub until: Option<u64>,
     /// Headings of rows that name their values.
     pub labels: Option<Vec<String>>,
-    /// Bytes of zero, which a recorder without power leaves at the end, become the ends of empty lines.
-    pub filled: bool,
 }
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
@@ -115,9 +113,6 @@ impl Bounded {
 
     /// Changes bytes to the form that the rows are read in, in their places.
     fn reform(&mut self, bytes: &mut [u8]) {
-        if self.form.filled {
-            bytes.iter_mut().filter(|b| **b == 0).for_each(|b| *b = b'\n');
-        }
         if self.form.decimal_comma {
             bytes.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
         }

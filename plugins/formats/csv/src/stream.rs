@@ -123,7 +123,6 @@ impl Stream {
             decimal_comma: config.decimal == Decimal::Comma,
             until: config.until,
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
-            filled: true,
             labels: config.labels.then(|| config.headings.clone()).flatten(),
         };
         if config.labels && config.headings.is_none() {

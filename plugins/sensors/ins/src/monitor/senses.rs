@@ -31,6 +31,9 @@ const LEAST: f64 = 0.1;
 enum Part {
     Gyros,
     Velocity,
+    /// One of the two is turned by 180 deg about the vertical, and [`super::axes`] names both: without a motion to
+    /// the side a velocity along `x` alone looks the same.
+    Either,
 }
 
 /// Factors of the axes, which make the samples as they should be.
@@ -41,9 +44,9 @@ const Z: [f64; 3] = [1.0, 1.0, -1.0];
 
 const DEGREE: f64 = 0.017_453_292_519_943_295;
 
-/// Errors of use: the part, its factors, and words for them. The signs of the velocity along `x` and `y` together
-/// are a turn, which [`super::axes`] names.
-const ERRORS: [(Part, [f64; 3], &str); 8] = [
+/// Errors of use: the part, its factors, and words for them.
+const ERRORS: [(Part, [f64; 3], &str); 9] = [
+    (Part::Either, [-1.0, -1.0, 1.0], ""),
     (Part::Gyros, [1.0 / DEGREE; 3], "its gyros were converted from deg/s twice"),
     (Part::Gyros, X, "its x gyro has the other sign"),
     (Part::Gyros, Y, "its y gyro has the other sign"),
@@ -172,7 +175,7 @@ impl Senses {
         for (scatter, (part, signs, _)) in self.wrong.iter_mut().zip(&ERRORS) {
             match part {
                 Part::Gyros => scatter.add(*signs, RIGHT, block),
-                Part::Velocity => scatter.add(RIGHT, *signs, block),
+                Part::Velocity | Part::Either => scatter.add(RIGHT, *signs, block),
             }
         }
         self.count += 1;
@@ -208,13 +211,14 @@ impl Senses {
         if right - left < LEAST || right < EVIDENCE * left || rival < ALONE * left {
             return None;
         }
-        self.reported = true;
         let sensor = self.sensor.as_deref()?;
         let words = ERRORS[at].2;
         let others = match best.1 {
             Part::Gyros => format!("the velocities of {sensor} and the accelerometers"),
             Part::Velocity => "the gyros and the accelerometers".to_owned(),
+            Part::Either => return None,
         };
+        self.reported = true;
         let fault = Fault {
             severity: Severity::DoNotUse,
             basis: Basis::Samples,
@@ -282,6 +286,10 @@ mod tests {
             let fault = match part {
                 Part::Gyros => found(signs, RIGHT, 600),
                 Part::Velocity => found(RIGHT, signs, 600),
+                Part::Either => {
+                    assert_eq!(found(RIGHT, signs, 600), None);
+                    continue;
+                }
             };
             let right = |(text, other): &(String, bool)| {
                 text.contains(words) && *other == (part == Part::Velocity)
