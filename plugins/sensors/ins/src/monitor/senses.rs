@@ -208,7 +208,8 @@ impl Senses {
         let rival = errors.filter(|error| error.1 != best.1).map(|error| residual(&error));
         let rival = rival.fold(f64::INFINITY, f64::min);
         let (right, left) = (self.right.residual, residual(&best));
-        if right - left < LEAST || right < EVIDENCE * left || rival < ALONE * left {
+        let better = right - left >= LEAST && right >= EVIDENCE * left;
+        if !(better && rival >= ALONE * left) {
             return None;
         }
         let sensor = self.sensor.as_deref()?;
