@@ -49,8 +49,17 @@ pub(super) fn find(
     remedy: &str,
     observer: &mut dyn Observer,
 ) {
+    report(sample, (severity, Basis::Comparison), text, remedy, observer);
+}
+
+fn report(
+    sample: &Judged<'_>,
+    (severity, basis): (Severity, Basis),
+    text: String,
+    remedy: &str,
+    observer: &mut dyn Observer,
+) {
     let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
-    let basis = Basis::Comparison;
     observer.finding(Finding { time, about, severity, basis, text, remedy });
 }
 
@@ -65,9 +74,7 @@ pub(super) fn lasts_on(
     let text = format!(
         "{lock_out}; that was so {times} times: the sensor has an error that lasts, or the driving sensor has one"
     );
-    let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), SINCE_THE_START.to_owned());
-    let (severity, basis) = (Severity::DoNotUse, Basis::Explanation);
-    observer.finding(Finding { time, about, severity, basis, text, remedy });
+    report(sample, (Severity::DoNotUse, Basis::Explanation), text, SINCE_THE_START, observer);
 }
 
 /// Reports that the filter was off by more than its sigma after a silence, s: its number of gated samples, and
@@ -83,9 +90,7 @@ pub(super) fn coasted(
         "after {silence:.1} s without a used sample of {sensor} the filter was off by more than its sigma \
          allows: every one of {count} samples was gated since {since}; {INFLATED}"
     );
-    let (time, about, remedy) = (sample.time, sensor.to_owned(), NOISE.to_owned());
-    let (severity, basis) = (Severity::Contained, Basis::Silence);
-    observer.finding(Finding { time, about, severity, basis, text, remedy });
+    report(sample, (Severity::Contained, Basis::Silence), text, NOISE, observer);
 }
 
 impl Lockout {

@@ -6,6 +6,7 @@
 //! not show: the sign of the gyro about the vertical, in a turn.
 
 use super::fault::Fault;
+use super::turning::DEGREE;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_core::checkpoint::saved;
@@ -41,8 +42,6 @@ const RIGHT: [f64; 3] = [1.0; 3];
 const X: [f64; 3] = [-1.0, 1.0, 1.0];
 const Y: [f64; 3] = [1.0, -1.0, 1.0];
 const Z: [f64; 3] = [1.0, 1.0, -1.0];
-
-const DEGREE: f64 = 0.017_453_292_519_943_295;
 
 /// Errors of use: the part, its factors, and words for them.
 const ERRORS: [(Part, [f64; 3], &str); 9] = [
@@ -195,10 +194,13 @@ impl Senses {
         f: &Vector3<f64>,
         dt: f64,
     ) -> Option<(Fault, Option<&str>)> {
+        if self.reported || self.sensor.is_none() {
+            return None;
+        }
         self.w += w * dt;
         self.f += f * dt;
         self.time += dt;
-        if !std::mem::take(&mut self.due) || self.reported {
+        if !std::mem::take(&mut self.due) {
             return None;
         }
         let residual = |error: &(&Scatter, Part)| error.0.residual;

@@ -45,7 +45,8 @@ const fn gyros(words: &'static str, rate: [f64; 9]) -> Reading {
     Reading { words, force: ONE, rate }
 }
 
-const DEGREE: f64 = 0.017_453_292_519_943_295;
+/// A degree, rad: the factor of gyros whose unit is wrong.
+pub(super) const DEGREE: f64 = 1_f64.to_radians();
 
 #[rustfmt::skip]
 const ERRORS: [Reading; 10] = [
