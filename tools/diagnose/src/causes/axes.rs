@@ -12,13 +12,29 @@ type Axes = [(usize, f64); 3];
 
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
-/// All right- and left-handed sets of axes but the usual one.
+/// The axes of an instrument along those of the body.
+const USUAL: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
+
+/// All right- and left-handed sets of axes.
 fn all() -> Vec<Axes> {
     let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
     let signs = (0..8).map(|bits| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { -1.0 } else { 1.0 }));
-    let sets =
-        signs.flat_map(|signs| orders.map(|order| std::array::from_fn(|k| (order[k], signs[k]))));
-    sets.filter(|axes: &Axes| *axes != [(0, 1.0), (1, 1.0), (2, 1.0)]).collect()
+    signs
+        .flat_map(|signs| orders.map(|order| std::array::from_fn(|k| (order[k], signs[k]))))
+        .collect()
+}
+
+/// The axes that a scenario states for a sensor.
+fn stated(document: &Document, sensor: &str) -> Option<Axes> {
+    let keys = [Kind::Sensor.table(), sensor, "samples", "axes"];
+    let node = keys.into_iter().try_fold(document.root(), |node, key| node.get(key))?;
+    let list: [String; 3] = node.parse::<Vec<String>>().ok()?.try_into().ok()?;
+    let axes = list.map(|axis| {
+        let (sign, name) = axis.strip_prefix('-').map_or((1.0, &*axis), |name| (-1.0, name));
+        NAMES.iter().position(|of| *of == name).map(|k| (k, sign))
+    });
+    let [x, y, z] = axes;
+    Some([x?, y?, z?])
 }
 
 /// True for a left-handed set: the sign of the permutation times those of its axes is negative.
@@ -52,15 +68,18 @@ fn setting(name: &str, axes: &Axes) -> String {
 pub(super) fn turned(sensor: &Instrument, document: &Document) -> Vec<Patch> {
     let name = sensor.info.name.as_str();
     let ends = |end: &str| sensor.info.channels.iter().any(|c| c.name.ends_with(end));
-    let sets = match (ends("_z"), ends("_d")) {
+    let mut sets = match (ends("_z"), ends("_d")) {
         (true, _) => all(),
         (_, true) => vec![
+            USUAL,
             [(1, 1.0), (0, 1.0), (2, -1.0)],
             [(1, 1.0), (0, 1.0), (2, 1.0)],
             [(0, 1.0), (1, 1.0), (2, -1.0)],
         ],
         _ => return Vec::new(),
     };
+    let present = stated(document, name).unwrap_or(USUAL);
+    sets.retain(|axes| *axes != present);
     let choices = (sets.len() as f64).ln();
     let patch = |axes: &Axes| {
         let text = match ends("_z") {
@@ -90,13 +109,24 @@ pub(super) fn turned(sensor: &Instrument, document: &Document) -> Vec<Patch> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
     use super::*;
 
     #[test]
-    fn there_are_23_turns_and_24_left_handed_sets() {
+    fn there_are_24_turns_and_24_left_handed_sets() {
         let sets = all();
         assert_eq!(sets.iter().filter(|axes| left_handed(axes)).count(), 24);
-        assert_eq!(sets.len(), 47);
+        assert_eq!(sets.len(), 48);
+    }
+
+    #[test]
+    fn axes_that_a_scenario_states_are_known() {
+        let text =
+            "sensor.imu.samples.axes = [\"y\", \"x\", \"-z\"]\nsensor.dvl.samples.axes = [\"y\"]";
+        let document = Document::parse("s.toml", text).unwrap();
+        assert_eq!(stated(&document, "imu"), Some([(1, 1.0), (0, 1.0), (2, -1.0)]));
+        assert_eq!(stated(&document, "dvl"), None);
+        assert_eq!(stated(&document, "depth"), None);
     }
 
     #[test]
