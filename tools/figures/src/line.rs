@@ -4,7 +4,7 @@
 pub type Point = (f64, f64);
 
 /// Largest distance of an omitted point from the line, page pixels: less than the width of a line.
-const TOLERANCE: f64 = 0.15;
+const TOLERANCE: f64 = 0.3;
 
 /// Simplifies a line by the algorithm of Douglas & Peucker (1973). `unit` is a page pixel in the
 /// measure of each axis.

@@ -41,12 +41,12 @@ fn lines(picture: &str, colour: &str) -> Vec<Vec<[f64; 2]>> {
         .collect()
 }
 
-fn circles(picture: &str, colour: &str) -> usize {
+fn dots(picture: &str, colour: &str) -> usize {
     let document = Document::parse(picture).unwrap();
-    document
-        .descendants()
-        .filter(|n| n.has_tag_name("circle") && n.attribute("fill") == Some(colour))
-        .count()
+    (document.descendants())
+        .filter(|n| n.has_tag_name("path") && n.attribute("stroke") == Some(colour))
+        .map(|n| n.attribute("d").unwrap().matches("h0").count())
+        .sum()
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn a_constant_a_single_point_and_a_title_of_markup_are_drawn() {
                     .unwrap();
             let texts = texts(&picture);
             assert!(texts.contains(&"A < title > & \"more\"".into()), "{texts:?}");
-            let seen = lines(&picture, BLUE).len() + circles(&picture, BLUE);
+            let seen = lines(&picture, BLUE).len() + dots(&picture, BLUE);
             assert!(seen > 0 || texts.contains(&"no data".into()), "{values:?}");
         }
     }
@@ -139,7 +139,19 @@ fn a_nan_breaks_the_line_and_a_point_between_two_of_them_is_still_seen() {
     ));
     let picture = picture.unwrap();
     assert_eq!(lines(&picture, BLUE).iter().map(Vec::len).collect::<Vec<_>>(), [3, 4]);
-    assert_eq!(circles(&picture, BLUE), 1);
+    assert_eq!(dots(&picture, BLUE), 1);
+}
+
+/// A report of many sensors has ten thousand dots: each needs a place, and the look once for all.
+#[test]
+fn the_dots_of_a_curve_are_one_path_and_each_is_there() {
+    let values: Vec<f64> = (0..500).map(|k| f64::from(k * 37 % 101)).collect();
+    let points = panel(Axis::linear("y"), vec![curve("c", Look::Points(0), &values)], vec![]);
+    let picture = svg(&figure(1, vec![points])).unwrap();
+    // with the one in the legend
+    assert_eq!(dots(&picture, BLUE), 501);
+    assert_eq!(picture.matches("<circle").count(), 0);
+    assert!(picture.matches("<path").count() <= 2, "{}", picture.matches("<path").count());
 }
 
 #[test]

@@ -40,18 +40,18 @@
       [this.left, this.top, this.wide, this.high] = at;
       this.whole = this.axes.map(a => [a.low, a.high]);
       this.view = this.whole;
-      for (const node of svg.querySelectorAll("polyline, polygon, circle")) {
+      for (const node of svg.querySelectorAll("polyline, polygon, path.dots")) {
         const curve = node.tagName === "polygon" ? -1
-          : curves.findIndex(c => c.colour === (node.getAttribute("stroke") || node.getAttribute("fill"))
-            || c.colour === node.getAttribute("fill"));
-        const points = node.tagName === "circle"
-          ? [["cx", "cy"].map(k => +node.getAttribute(k))]
+          : curves.findIndex(c => c.colour === node.getAttribute("stroke"));
+        const dots = node.tagName === "path";
+        const points = dots
+          ? [...node.getAttribute("d").matchAll(/M(\S+) (\S+?)h0/g)].map(([, x, y]) => [+x, +y])
           : node.getAttribute("points").trim().split(" ").map(p => p.split(",").map(Number));
         const [[px, py], [qx, qy]] = [points[0], points.at(-1)];
         if (node.getAttribute("stroke") === "#666666" && Math.abs(px - qx) + Math.abs(py - qy) < 20
           && this.holds([px, py], 24)) this.labels.push(node);
         else if ((curve >= 0 || node.tagName === "polygon") && this.holds([px, py], 3))
-          this.shapes.push({ node, curve, points: points.map(p => this.value(p)) });
+          this.shapes.push({ node, curve, dots, points: points.map(p => this.value(p)) });
       }
       for (const node of svg.querySelectorAll("line, text")) {
         const [px, py] = ["x", "y"].map(k => +(node.getAttribute(k) || node.getAttribute(k + "1")));
@@ -82,9 +82,9 @@
     }
     zoom(view) {
       this.view = view || this.whole;
-      for (const { node, points } of this.shapes) {
+      for (const { node, dots, points } of this.shapes) {
         const at = points.map(p => this.pixel(p).map(v => v.toFixed(1)));
-        if (node.tagName === "circle") ["cx", "cy"].forEach((k, i) => node.setAttribute(k, at[0][i]));
+        if (dots) node.setAttribute("d", at.map(p => `M${p.join(" ")}h0`).join(""));
         else node.setAttribute("points", at.map(p => p.join(",")).join(" "));
         node.setAttribute("clip-path", `url(#${this.clip})`);
       }
@@ -113,10 +113,7 @@
     }
     // values at the place x: of lines and bands between their points, of dots the nearest
     values(shape, x, reach) {
-      if (shape.points.length === 1) {
-        const [p] = shape.points;
-        return Math.abs(p[0] - x) <= reach ? [p] : [];
-      }
+      if (shape.dots) return shape.points.filter(p => Math.abs(p[0] - x) <= reach);
       const found = [];
       shape.points.slice(1).forEach((q, k) => {
         const p = shape.points[k];

@@ -78,20 +78,23 @@ fn runs(comparison: &Comparison) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "run" } th.name { "of" } th { "seed" } th { "duration" } th { "distance" }
-                th { "final error" } th { "rms error" } th { "warnings" } th.name { "verdict" }
+                th { "run" } th.name { "of" } th.more { "seed" } th.more { "duration" }
+                th.more { "distance" } th { "final error" } th { "rms error" } th.more { "warnings" }
+                th.name { "verdict" }
             } }
             tbody {
                 @for run in &comparison.runs {
                     tr.first {
                         th { (run.letter) }
                         td.text { (run.origin) }
-                        td { @if let Some(seed) = run.seed { (seed) } }
-                        td { (format!("{:.1} s", run.duration_s)) }
-                        td { @if let Some(distance) = run.distance_m { (format!("{distance:.0} m")) } }
+                        td.more { @if let Some(seed) = run.seed { (seed) } }
+                        td.more { (format!("{:.1} s", run.duration_s)) }
+                        td.more {
+                            @if let Some(distance) = run.distance_m { (format!("{distance:.0} m")) }
+                        }
                         td { (metres(run.final_error_m)) }
                         td { (metres(run.rms_error_m)) }
-                        td { (run.warnings) }
+                        td.more { (run.warnings) }
                         td.text.bad[run.is_doubted()] {
                             (run.verdict_text.as_deref().unwrap_or("not judged"))
                         }
@@ -187,9 +190,9 @@ fn states(comparison: &Comparison) -> Markup {
         let ratio = s.difference.zip(s.difference_sigma).map(|(d, sigma)| d / sigma);
         let ratio = ratio.filter(|r| r.is_finite());
         html! {
-            td { (shown(s.error)) } td { (shown(s.rms_error)) } td { (number(s.sigma, s.sigma)) }
-            td { (shown(s.difference)) }
-            td { (shown(s.difference_sigma)) }
+            td { (shown(s.error)) } td.more { (shown(s.rms_error)) }
+            td { (number(s.sigma, s.sigma)) } td { (shown(s.difference)) }
+            td.more { (shown(s.difference_sigma)) }
             td class=[ratio.filter(|r| r.abs() > LARGE).map(|_| "bad")] {
                 // no sign before a zero
                 @if let Some(ratio) = ratio { (format!("{:.1}", (10.0 * ratio).round() / 10.0 + 0.0)) }
@@ -199,8 +202,9 @@ fn states(comparison: &Comparison) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "state" } th.name { "run" } th { "error" } th { "rms error" } th { "1-sigma" }
-                th { "difference" } th { "its sigma" } th { "ratio" } th.name { "unit" }
+                th { "state" } th.name { "run" } th { "error" } th.more { "rms error" }
+                th { "1-sigma" } th { "difference" } th.more { "its sigma" } th { "ratio" }
+                th.name { "unit" }
             } }
             tbody {
                 @for state in &comparison.states {

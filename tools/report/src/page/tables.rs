@@ -8,6 +8,7 @@ use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
+use navfuse_observability::words::tenths;
 use navfuse_observability::{Determination, ObservabilityReport};
 
 /// Formats a number with the digits that are significant for its sigma, and one more.
@@ -30,13 +31,13 @@ pub(crate) fn number(value: f64, sigma: f64) -> String {
     }
 }
 
-/// Creates the cells of an error and of its ratio to sigma, which is marked where it is large. A recorded
-/// reference has an error of its own, and marks nothing.
+/// Creates the cells of an error and of its ratio to sigma, which is marked where it is large and alone on a
+/// narrow screen. A recorded reference has an error of its own, and marks nothing.
 fn judged(error: Option<(f64, f64)>, standard: Standard) -> Markup {
     let ratio = error.filter(|e| e.1 > 0.0).map(|(error, sigma)| error / sigma);
     let bad = ratio.is_some_and(|r| r.abs() > 3.0) && standard == Standard::Truth;
     html! {
-        td { @if let Some((error, sigma)) = error { (number(error, sigma)) } }
+        td.more { @if let Some((error, sigma)) = error { (number(error, sigma)) } }
         td.bad[bad] {
             @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
         }
@@ -65,8 +66,8 @@ pub(super) fn end(blocks: &[&BlockHistory], standard: Standard) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { (standard.difference()) }
-                (over_sigma(standard)) th.name { "unit" }
+                th { "state" } th {} th { "estimate" } th { "1-sigma" }
+                th.more { (standard.difference()) } (over_sigma(standard)) th.name { "unit" }
             } }
             tbody {
                 @for block in blocks {
@@ -74,7 +75,7 @@ pub(super) fn end(blocks: &[&BlockHistory], standard: Standard) -> Markup {
                         @let sigma = block.last.sigma[k];
                         @let angle = block.geodetic && k < 2;
                         tr class=[(k == 0).then_some("first")] {
-                            th { @if k == 0 { (block.name) } }
+                            th { @if k == 0 { (breakable(&block.name)) } }
                             td.name { (block.components[k]) }
                             td { @if angle { (format!("{:.7} deg", block.last.estimate[k])) }
                                  @else { (number(block.last.estimate[k], sigma)) } }
@@ -103,10 +104,11 @@ pub(super) fn calibration(blocks: &[&BlockHistory], standard: Standard) -> Marku
         @if blocks.is_empty() { p { "No state is constant in this run." } } @else {
             div.wide { table {
                 thead { tr {
-                    th { "state" } th {} th { "prior" }
-                    @if smoothed { th { "filter" } th { "smoothed" } } @else { th { "result" } }
+                    th { "state" } th {} th.more { "prior" }
+                    @if smoothed { th.more { "filter" } th { "smoothed" } } @else { th { "result" } }
                     @if compared {
-                        th { (standard.word()) } th { (standard.difference()) } (over_sigma(standard))
+                        th.more { (standard.word()) } th.more { (standard.difference()) }
+                        (over_sigma(standard))
                     }
                     th { "remaining" wbr; " sigma" } th.name { "unit" }
                 } }
@@ -119,14 +121,14 @@ pub(super) fn calibration(blocks: &[&BlockHistory], standard: Standard) -> Marku
                                 th { @if k == 0 { (breakable(&block.name)) } }
                                 td.name { (block.components[k]) }
                                 @if block.uncertain() {
-                                    td { (estimate(prior, k)) }
+                                    td.more { (estimate(prior, k)) }
                                     @if let Some(filtered) = &block.filtered {
-                                        td { (estimate(&filtered.last, k)) }
+                                        td.more { (estimate(&filtered.last, k)) }
                                     }
                                     td { (estimate(result, k)) }
                                 } @else {
-                                    td { (number(prior.estimate[k], 0.0)) }
-                                    @if smoothed { td {} }
+                                    td.more { (number(prior.estimate[k], 0.0)) }
+                                    @if smoothed { td.more {} }
                                     td {
                                         @if let Some(found) = &block.corrected {
                                             (with_sigma(found.estimate[k], found.sigma[k]))
@@ -135,7 +137,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], standard: Standard) -> Marku
                                     }
                                 }
                                 @if compared {
-                                    td {
+                                    td.more {
                                         @if let Some((e, s)) = error {
                                             (number(result.estimate[k] - e, s))
                                         }
@@ -193,7 +195,7 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "sensor" } th.name.more { "type" } th.name.more { "for" } th { "read" }
+                th { "sensor" } th.name.more { "type" } th.name.more { "for" } th.more { "read" }
                 th { "used" }
                 th { "gated" } th { "rejected" } th { "mean NIS" } th { "expected" } th { "band" }
             } }
@@ -207,7 +209,7 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
                         th { (sensor.name) }
                         td.name.more { (sensor.kind.as_deref().unwrap_or_default()) }
                         td.name.more { (word(sensor)) }
-                        td { (sensor.read) }
+                        td.more { (sensor.read) }
                         @if sensor.measures() {
                             td { (updates.outcomes.accepted + updates.outcomes.placed) } td { (updates.outcomes.gated) }
                             td { (updates.outcomes.all_rejected()) }
@@ -251,7 +253,7 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
             tbody {
                 @for state in &observed.states {
                     tr.first {
-                        th { (state.title) }
+                        th { (breakable(&state.title)) }
                         td.name {
                             span class=[(state.verdict != Determination::Determined).then_some("bad")] {
                                 (state.verdict.text())
@@ -259,8 +261,7 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
                         }
                         td { @if let Some(since) = state.since_s { (seconds(since)) } }
                         td { (number(state.normalised, state.normalised)) }
-                        // no sign before a zero
-                        td { (format!("{:.1}", (10.0 * state.bits).round() / 10.0 + 0.0)) }
+                        td { (tenths(state.bits)) }
                         td.name.more { (contributions(&state.information)) }
                         td.text { (state.missing.as_deref().unwrap_or_default()) }
                     }
