@@ -24,6 +24,8 @@ use linear::Differences;
 pub use measured::Measured;
 use measured::{APART, LEAST, MEAN};
 
+/// Drift from which on it is printed in percent: nobody reads 173814 ppm.
+const PERCENT: f64 = 0.01;
 /// Largest offset that is searched, s.
 const LARGEST: f64 = 5.0;
 /// Distance, s, to which an offset that was found is searched again.
@@ -184,8 +186,10 @@ impl ClockOffset {
             offset.abs()
         );
         if let Some([drift, sigma]) = self.certain_drift() {
-            let [drift, sigma] = [drift, sigma].map(|x| x * 1e6);
-            text.push_str(&format!(", with a drift of {drift:.0} ppm, sigma {sigma:.0} ppm"));
+            let (size, decimals, unit) =
+                if drift.abs() < PERCENT { (1e6, 0, "ppm") } else { (1e2, 1, "%") };
+            let shown = |x: f64| format!("{:.decimals$} {unit}", size * x);
+            text.push_str(&format!(", with a drift of {}, sigma {}", shown(drift), shown(sigma)));
         }
         text.push_str(&format!(" (found by comparing {})", self.means));
         text

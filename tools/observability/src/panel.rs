@@ -22,10 +22,9 @@ pub fn markdown(tracker: &Tracker) -> String {
     page += "\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n";
     for (i, (component, now)) in tracker.components().iter().zip(tracker.status()).enumerate() {
         let unit = component.unit;
-        let (prior, sigma, bits, verdict) =
-            (short(now.prior), short(now.sigma), now.bits() + 0.0, verdict(now));
-        let _ =
-            writeln!(page, "| {} | {prior} | {sigma} {unit} | {bits:.1} | {verdict} |", title(i));
+        let (prior, sigma, bits) = (short(now.prior), short(now.sigma), words::tenths(now.bits()));
+        let (title, verdict) = (title(i), verdict(now));
+        let _ = writeln!(page, "| {title} | {prior} | {sigma} {unit} | {bits} | {verdict} |");
     }
     page
 }

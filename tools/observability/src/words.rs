@@ -128,6 +128,11 @@ pub fn direction(tracker: &Tracker, direction: &Direction) -> String {
     }
 }
 
+/// Formats a number with one decimal, without a sign before a zero.
+pub fn tenths(value: f64) -> String {
+    format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
+}
+
 /// Formats a number with two or three significant digits.
 pub fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -139,5 +144,18 @@ pub fn short(value: f64) -> String {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_zero_has_a_sign() {
+        assert_eq!(
+            [-0.04, -0.0, 0.04, -0.06, 2.25].map(tenths),
+            ["0.0", "0.0", "0.0", "-0.1", "2.3"]
+        );
     }
 }

@@ -181,3 +181,17 @@ fn a_receiver_whose_velocities_are_late_has_a_clock_between_both() {
     // negative rates: the velocities fit at no time
     assert_eq!(of_receiver(None, coarse), (None, None));
 }
+
+#[test]
+fn a_drift_above_a_percent_is_printed_in_percent() {
+    let of = |drift| {
+        let clock = ClockOffset {
+            offset: [0.1, 0.01],
+            drift: [drift, 0.1 * drift.abs()],
+            means: "courses",
+        };
+        clock.describe()
+    };
+    assert!(of(-0.173_814).contains("a drift of -17.4 %, sigma 1.7 %"), "{}", of(-0.173_814));
+    assert!(of(120e-6).contains("a drift of 120 ppm, sigma 12 ppm"), "{}", of(120e-6));
+}
