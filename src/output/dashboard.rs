@@ -1,6 +1,6 @@
 //! A live run on one screen of a terminal.
 
-use super::run::{tone, when};
+use super::run::{said, tone, when};
 use super::terminal::{Tone, wrapped};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_live::{Estimate, SensorState, SensorStatus, StateStatus, Status};
@@ -236,7 +236,7 @@ fn draw_events(frame: &mut Frame<'_>, view: &View, area: Rect) {
             Level::Warning => colour(Tone::Doubtful),
             Level::Error => colour(Tone::Bad),
         };
-        let text = wrapped(&format!("{}{}: {}", when(event), event.about, event.text), width);
+        let text = wrapped(&format!("{}{}", when(event), said(event)), width);
         lines.extend(text.lines().map(|line| Line::styled(line.to_owned(), style)));
     }
     let room = usize::from(area.height.saturating_sub(1));
@@ -357,7 +357,7 @@ mod tests {
         dvl.scale                      0.002  not determined no sample of dvl was used
         events
         1200.000 s gnss: is back after 12.0 s
-        1210.200 s gnss: gnss lost: no sample for 5 s
+        1210.200 s gnss lost: no sample for 5 s
         1230.000 s dvl: its innovations are larger than their sigma, 3.1 times in the
             mean of the last 200 samples, and it contradicts depth and gnss; look at its
             mounting

@@ -295,7 +295,7 @@ pub fn event(event: &Event, more: u64) {
         0 => String::new(),
         more => format!("; {more} more warnings about it came before: see the log"),
     };
-    warn(format_args!("{word}: {}{}: {}{more}", when(event), event.about, event.text));
+    warn(format_args!("{word}: {}{}{more}", when(event), said(event)));
 }
 
 /// Sink that prints the notes of a run on standard error as they come.
@@ -320,6 +320,11 @@ impl Sink for Notes {
 /// The time of an event with a space, or nothing for one without a time.
 pub fn when(event: &Event) -> String {
     if event.time == Time::MIN { String::new() } else { format!("{} ", event.time) }
+}
+
+/// What an event reports, and about which part: `gnss lost: no sample for 5 s` names it already.
+pub fn said(Event { about, text, .. }: &Event) -> String {
+    if text.starts_with(about) { text.clone() } else { format!("{about}: {text}") }
 }
 
 #[cfg(test)]

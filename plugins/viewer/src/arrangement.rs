@@ -39,11 +39,14 @@ const LANES: [f64; 3] = [0.36, 0.62, 0.66];
 /// Share of plot and table below the page: the error from -4 to 4 sigma has a number at every sigma of a
 /// small window, and all rows of the table are there.
 const BELOW_PAGE: f64 = 0.4;
-/// Widths of the left and the right half, of track and vehicle, and of plot and table, whose columns are all
-/// there in a usual window.
+/// Widths of the left and the right half, and of track and vehicle.
 const HALVES: [f32; 2] = [1.0, 1.13];
 const TRACK_AND_VEHICLE: [f32; 2] = [1.1, 1.0];
-const PLOT_AND_TABLE: [f32; 2] = [1.0, 1.12];
+/// Width of the right half of a usual window, of the columns of the table beside the names, and of a letter of
+/// a name, pixels.
+const TABLE: [f64; 3] = [849.0, 315.0, 6.4];
+/// Least and greatest share of the table beside its plot.
+const TABLES: [f64; 2] = [0.53, 0.66];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;
 
@@ -136,14 +139,19 @@ impl Layout {
         let contents = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
         let lanes = self.lanes("Health of the sensors", &contents);
         let shares = |below: f64| [1.0 - below, below].map(|share| share as f32);
-        // while the run goes on, the page has the whole height
-        let right = match self.ranges {
-            true => {
-                let below = self.worst_and_states(run);
-                let below = Horizontal::new(below).with_column_shares(PLOT_AND_TABLE).into();
+        // while the run goes on, the page of many sensors needs the whole height
+        let few = self.latest.is_some() && run.lanes.len() <= overview::FEW;
+        let below = match self.ranges {
+            true => self.worst_and_states(run),
+            false if few => self.position_and_states(run),
+            false => Vec::new(),
+        };
+        let right = match below.is_empty() {
+            true => page,
+            false => {
+                let below = Horizontal::new(below).with_column_shares(plot_and_table(run)).into();
                 Vertical::new([page, below]).with_row_shares(shares(BELOW_PAGE)).into()
             }
-            false => page,
         };
         let left = match places {
             Some(places) => {
@@ -201,6 +209,18 @@ impl Layout {
         }
         let states = TextDocumentView::new("States at the end").with_origin("/states");
         below.push(states.into());
+        below
+    }
+
+    /// The plot of a component of the position, and the table of all states, while the run goes on.
+    fn position_and_states(&mut self, run: &Run) -> Vec<ContainerLike> {
+        let mut below = Vec::new();
+        self.columns = 4;
+        if let Some(block) = run.blocks.iter().find(|block| block.is_position) {
+            let name = block.live_title(&block.full_name(0), 0);
+            below.push(self.plot(&name, &[format!("+ {}", block.live_entity(0))], None));
+        }
+        below.push(TextDocumentView::new("States now").with_origin("/states").into());
         below
     }
 
@@ -369,6 +389,16 @@ impl Layout {
         all.push(self.plot_of(&title, &sigma, Some(range), None, pixels));
         all
     }
+}
+
+/// The widths of plot and table: all columns of the table are there in a usual window.
+fn plot_and_table(run: &Run) -> [f32; 2] {
+    let names =
+        run.blocks.iter().flat_map(|b| (0..b.components.len()).map(|k| b.full_name(k).len()));
+    let [half, columns, letter] = TABLE;
+    let needed = columns + letter * names.max().unwrap_or(0) as f64;
+    let share = (needed / half).clamp(TABLES[0], TABLES[1]) as f32;
+    [1.0 - share, share]
 }
 
 /// Tabs with a name; `None` without any.

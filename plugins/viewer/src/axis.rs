@@ -36,7 +36,7 @@ const UNITS: &[&[(&str, f64)]] = &[
     &[("m/s^2", 1.0), ("mm/s^2", 1e-3), ("um/s^2", 1e-6)],
     &[("deg/s", 1.0), ("mdeg/s", 1e-3)],
     &[("uT", 1.0), ("nT", 1e-3)],
-    &[("", 1.0), ("ppm", 1e-6)],
+    &[("", 1.0), ("%", 1e-2), ("ppm", 1e-6)],
 ];
 
 /// The unit in which a size is at least [`LEAST`], or else the smallest one. A unit that is not known
@@ -181,6 +181,7 @@ mod tests {
         is("ug", 12_000.0, "mg", 1e3);
         is("ug", 30.0, "ug", 1.0);
         is("", 2e-4, "ppm", 1e-6);
+        is("", 0.017, "%", 1e-2);
         is("m", 5200.0, "km", 1e3);
         is("m", 300.0, "m", 1.0);
         is("deg", 1e-12, "udeg", 1e-6);

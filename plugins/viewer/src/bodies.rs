@@ -14,10 +14,10 @@ use re_sdk_types::datatypes::Quaternion;
 /// Greatest number of poses of a thinned recording.
 const POSES: usize = 2000;
 /// The colour of the track.
-const TRACK: Colour = [184, 135, 70];
+const TRACK: Colour = [165, 125, 205];
 /// The colours of the hull.
 pub const HULL: [Colour; 6] =
-    [[214, 170, 110], [235, 64, 82], [38, 166, 91], [120, 84, 44], [184, 135, 70], [250; 3]];
+    [[204, 178, 230], [235, 64, 82], [38, 166, 91], [92, 68, 120], TRACK, [250; 3]];
 
 /// A pose at one time.
 #[derive(Clone, Copy, Debug)]

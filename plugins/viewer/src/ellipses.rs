@@ -25,6 +25,8 @@ const LARGEST: f32 = 0.1;
 /// Greatest number of poses of the tube, and its colour.
 const POSES: usize = 300;
 const TUBE: Colour = [52, 108, 140];
+/// Length of the chord that gives the direction of the tube, as a share of the longest side.
+const CHORD: f32 = 0.02;
 /// Length of a degree of latitude, m: the ellipses are small.
 const METRES_PER_DEGREE: f64 = 111_200.0;
 
@@ -82,31 +84,48 @@ pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     recording.log_static(&path(&["world", "ellipses"]), &lines)?;
     let every = all.len().div_ceil(POSES).max(1);
     let along: Vec<Pose> = all.into_iter().step_by(every).collect();
-    let lines = LineStrips3D::new(tube(&along, enlarged, fits))
+    let depth = track.extent.exaggeration();
+    let limit = if enlarged * depth > 1.0 { LARGEST * side / depth } else { f32::INFINITY };
+    let lines = LineStrips3D::new(tube(&along, enlarged, (CHORD * side, limit), fits))
         .with_colors([TUBE])
         .with_radii([Radius::new_ui_points(0.5)]);
     recording.log_static(&path(&["world", "tube"]), &lines)
 }
 
 /// The lines of the tube: left and right of the track, above and below it, each at the distance at which
-/// the ellipsoid of 3 sigma ends in that direction. They break where an ellipsoid is too large.
-fn tube(poses: &[Pose], enlarged: f32, fits: impl Fn(&Pose) -> bool) -> Vec<Vec<[f32; 3]>> {
+/// the ellipsoid of 3 sigma ends in that direction. They break where an ellipsoid is too large, and those above
+/// and below also where it is higher than a limit: where depths are enlarged, it is a spike.
+///
+/// The direction is that of a chord of some length: the first estimates of a vehicle at rest jump to and fro.
+fn tube(
+    poses: &[Pose],
+    enlarged: f32,
+    (chord, limit): (f32, f32),
+    fits: impl Fn(&Pose) -> bool,
+) -> Vec<Vec<[f32; 3]>> {
     let mut lines = vec![Vec::new(); 4];
     let mut broken: Vec<Vec<[f32; 3]>> = Vec::new();
-    for pair in poses.windows(2) {
-        let [from, to] = [pair[0].place.ned, pair[1].place.ned];
-        let (north, east) = (to[0] - from[0], to[1] - from[1]);
-        let length = north.hypot(east);
-        if length <= 0.0 {
-            continue;
-        }
-        if !fits(&pair[0]) {
+    let mut right = None;
+    for (at, pose) in poses.iter().enumerate() {
+        let from = pose.place.ned;
+        let away = |to: &Pose| [to.place.ned[0] - from[0], to.place.ned[1] - from[1]];
+        let ahead = poses[at..].iter().map(away).find(|[n, e]| n.hypot(*e) > chord);
+        let turned = |[north, east]: [f32; 2]| {
+            let length = north.hypot(east);
+            [-east / length, north / length, 0.0]
+        };
+        right = ahead.map(turned).or(right);
+        let Some(right) = right else { continue };
+        if !fits(pose) {
             broken.extend(lines.iter_mut().map(std::mem::take));
             continue;
         }
-        let right = [-east / length, north / length, 0.0];
         for (k, direction) in [right, [0.0, 0.0, 1.0]].into_iter().enumerate() {
-            let reach = enlarged * reach(&pair[0], direction);
+            let reach = enlarged * reach(pose, direction);
+            if k == 1 && reach > limit {
+                broken.extend(lines[2..].iter_mut().map(std::mem::take));
+                continue;
+            }
             for (n, side) in [-1.0, 1.0].into_iter().enumerate() {
                 let point = |axis: usize| from[axis] + side * reach * direction[axis];
                 lines[2 * k + n].push([0, 1, 2].map(point));
@@ -196,13 +215,35 @@ mod tests {
     fn the_tube_has_the_width_and_the_height_of_the_ellipsoids_and_breaks_where_one_is_too_large() {
         let poses: Vec<Pose> =
             (0..6).map(|k| pose(k as f32, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0])).collect();
-        let lines = tube(&poses, 10.0, |_| true);
+        let usual = (0.5, f32::INFINITY);
+        let lines = tube(&poses, 10.0, usual, |_| true);
         let first: Vec<[f32; 3]> = lines.iter().map(|line| line[0]).collect();
         assert_eq!(
             first,
             [[0.0, -20.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, -30.0], [0.0, 0.0, 30.0]]
         );
-        assert_eq!(tube(&poses, 10.0, |pose| pose.place.ned[0] != 2.0).len(), 8);
+        assert_eq!(tube(&poses, 10.0, usual, |pose| pose.place.ned[0] != 2.0).len(), 8);
+        // 30 m down are beyond a limit of 20 m, and 20 m east are within
+        assert_eq!(tube(&poses, 10.0, (0.5, 20.0), |_| true).len(), 2);
+    }
+
+    /// A vehicle stands, its first estimates jump by 1 m, and then it goes north.
+    #[test]
+    fn the_sides_of_the_tube_are_beside_the_track_of_a_vehicle_that_stood_at_first() {
+        let mut poses: Vec<Pose> =
+            (0..6).map(|k| pose(10.0 * k as f32, [1.0; 3], [0.0, 0.0, 0.0, 1.0])).collect();
+        for (k, east) in [0.0, 1.0, -1.0].into_iter().enumerate() {
+            let mut still = poses[0];
+            still.place.ned[1] = east;
+            poses.insert(k, still);
+        }
+        let lines = tube(&poses, 1.0, (5.0, f32::INFINITY), |_| true);
+        // a side is 1 m beside the estimate, to within the angle of 1 m in 10 m
+        for (left, pose) in lines[0].iter().zip(&poses) {
+            assert!((left[1] - pose.place.ned[1] + 1.0).abs() < 0.01, "{left:?}");
+            assert!((left[0] - pose.place.ned[0]).abs() < 0.11, "{left:?}");
+        }
+        assert_eq!(lines[0].len(), poses.len());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of times on the strip of seconds, about.
 const TIMES: f64 = 8.0;
@@ -92,13 +92,12 @@ impl Clock {
     /// # Errors
     /// When the strip cannot be encoded.
     pub fn show(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        let marks = marks(span, BESIDE);
-        let changes = self.changes(&marks, span);
+        let (named, changes) = self.changes(&marks(span, BESIDE), span);
         if changes.is_empty() {
             return Ok(());
         }
         let entity = path(&["clock"]);
-        recording.log_static_to_viewers(&entity, &look_of(&marks))?;
+        recording.log_static_to_viewers(&entity, &look_of(&named))?;
         changes.into_iter().try_for_each(|(mark, state)| {
             recording.log_to_viewers(&entity, mark, &StateChange::single(state))
         })
@@ -116,34 +115,45 @@ impl Clock {
             recording.log(&entity, mark, &StateChange::single(seconds(mark)))?;
             self.written.insert(mark, seconds(mark));
         }
-        self.changes(&marks, span).into_iter().try_for_each(|(mark, state)| {
+        let (named, changes) = self.changes(&marks, span);
+        if changes.is_empty() {
+            return Ok(());
+        }
+        recording.log_static_to_viewers(&entity, &look_of(&named))?;
+        changes.into_iter().try_for_each(|(mark, state)| {
             recording.log_to_viewers(&entity, mark, &StateChange::single(state))
         })
     }
 
-    /// The states that make the strip one with these marks, in a run between those times, ns: a mark that is
-    /// none any more begins a piece of the stretch before it. The first piece with room for the word has it.
-    fn changes(&mut self, marks: &[i64], (first, last): (i64, i64)) -> Vec<(i64, String)> {
-        let mut begins: Vec<i64> = self.written.keys().chain(marks).copied().collect();
-        begins.sort_unstable();
-        begins.dedup();
+    /// The states that make the strip one with about these marks, in a run between those times, ns, and the
+    /// times that have words. A mark that is none any more still begins a piece, and a word stands at the
+    /// begin of a piece. So a stretch begins with the first piece of its time that has room for the word of
+    /// its own begin.
+    fn changes(
+        &mut self,
+        marks: &[i64],
+        (first, last): (i64, i64),
+    ) -> (Vec<i64>, Vec<(i64, String)>) {
+        let begins: BTreeSet<i64> = self.written.keys().chain(marks).copied().collect();
         let pixels = |length: i64| USUAL * length as f64 / (last - first).max(1) as f64;
-        let mut all = BTreeMap::new();
-        for (k, mark) in marks.iter().enumerate() {
-            let end = marks.get(k + 1).copied().unwrap_or(last);
-            let pieces: Vec<i64> =
-                begins.iter().copied().filter(|t| (*mark..end.max(mark + 1)).contains(t)).collect();
-            let word = seconds(*mark);
-            let length = |k: usize| pieces.get(k + 1).copied().unwrap_or(end) - pieces[k];
-            let places = || 0..pieces.len();
-            let room = places().find(|k| has_room(&word, pixels(length(*k))));
-            let named = room.or_else(|| places().max_by_key(|k| length(*k)));
-            all.extend(pieces.iter().enumerate().map(|(k, begin)| {
-                (*begin, if Some(k) == named { word.clone() } else { without_word(&word) })
-            }));
-        }
+        let end = |begin: i64| begins.range(begin + 1..).next().copied().unwrap_or(last);
+        let named = marks.iter().enumerate().filter_map(|(k, mark)| {
+            let next = marks.get(k + 1).copied().unwrap_or(i64::MAX);
+            let room = |begin: &i64| has_room(&seconds(*begin), pixels(end(*begin) - begin));
+            begins.range(*mark..next).copied().find(room)
+        });
+        let named: Vec<i64> = named.collect();
+        let state = |begin: &i64| {
+            let last = named.iter().rfind(|mark| *mark <= begin);
+            let word = seconds(last.copied().unwrap_or(first));
+            (*begin, if last == Some(begin) { word } else { without_word(&word) })
+        };
+        let all: BTreeMap<i64, String> = begins.iter().map(state).collect();
         let old = std::mem::replace(&mut self.written, all.clone());
-        all.into_iter().filter(|(time, state)| old.get(time) != Some(state)).collect()
+        let changes = all.into_iter().filter(|(time, state)| old.get(time) != Some(state));
+        let before = (named.first() != Some(&first)).then_some(first);
+        let changes = changes.collect();
+        (before.into_iter().chain(named).collect(), changes)
     }
 }
 
@@ -204,35 +214,28 @@ mod tests {
     }
 
     /// Viewers keep what they were sent: once the marks are 50 s apart instead of 20 s, those at 20, 40, 60
-    /// and 80 s begin pieces of the stretches before them. In a run of 250 s a word of 3 letters needs 29 of
-    /// 720 pixels, 11 s, and one of 4 letters 13 s: of the stretch from 50 s on, the piece from 60 s on has room.
+    /// and 80 s still begin pieces. In a run of 250 s a word of 3 letters needs 29 of 720 pixels, 11 s, and one
+    /// of 4 letters 13 s: from 50 s on, the piece from 60 s on has room, and its word names its own begin.
     #[test]
-    fn marks_that_a_longer_run_has_no_more_leave_a_word_to_each_stretch() {
+    fn every_word_of_a_longer_run_stands_at_the_time_that_it_names() {
         let second = 1_000_000_000;
         let of = |marks: &[i64]| marks.iter().map(|s| s * second).collect::<Vec<_>>();
         let mut clock = Clock::default();
-        let first = clock.changes(&of(&[0, 20, 40, 60, 80]), (0, 100 * second));
+        let (_, first) = clock.changes(&of(&[0, 20, 40, 60, 80]), (0, 100 * second));
         assert_eq!(first[1], (20 * second, "20 s".to_owned()));
         assert_eq!(first.len(), 5);
         let span = (0, 250 * second);
-        let then = clock.changes(&of(&[0, 50, 100]), span);
-        let expected = [
-            (20, "0 s "),
-            (40, "0 s "),
-            (50, "50 s "),
-            (60, "50 s"),
-            (80, "50 s "),
-            (100, "100 s"),
-        ];
+        let (named, then) = clock.changes(&of(&[0, 50, 100]), span);
+        let expected = [(20, "0 s "), (40, "0 s "), (50, "0 s "), (80, "60 s "), (100, "100 s")];
         let expected = expected.map(|(time, state)| (time * second, state.to_owned()));
-        assert_eq!(then, expected);
-        assert_eq!(clock.changes(&of(&[0, 50, 100]), span), []);
-        // in a run of 4000 s the word of the first stretch has room from 100 s on
-        clock.changes(&of(&[0, 500]), (0, 4000 * second));
-        let named: Vec<&String> =
-            clock.written.values().filter(|word| !word.ends_with(' ')).collect();
-        assert_eq!(named, ["0 s", "500 s"]);
-        assert_eq!(clock.written[&(100 * second)], "0 s");
+        assert_eq!((named, then), (of(&[0, 60, 100]), expected.to_vec()));
+        assert_eq!(clock.changes(&of(&[0, 50, 100]), span).1, []);
+        // in a run of 4000 s the first piece with room for its word is the one from 100 s on
+        let (named, _) = clock.changes(&of(&[0, 500]), (0, 4000 * second));
+        assert_eq!(named, of(&[0, 100, 500]));
+        for (time, word) in clock.written.iter().filter(|(_, word)| !word.ends_with(' ')) {
+            assert_eq!(*word, seconds(*time));
+        }
     }
 
     #[test]

@@ -18,6 +18,8 @@ use std::fmt::Write;
 /// Greatest number of rows of the table of the sensors on the page, which has two sensors in a row if there
 /// are more. Once the run is over, the table stands under the states if there are more than twice as many.
 pub const MANY: usize = 7;
+/// Number of sensors up to which the page of a run that goes on leaves room for a plot and the states.
+pub const FEW: usize = 5;
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
 pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
@@ -57,10 +59,15 @@ pub fn page(
     if on_page(run, verdict) {
         write_sensors(&mut page, &run.lanes, verdict);
     }
-    if verdict.is_none() {
-        let _ = writeln!(page, "\nColours of the strips: {}.", crate::legend::in_words());
+    if verdict.is_none() && run.lanes.len() > FEW {
+        write_colours(&mut page);
     }
     page
+}
+
+/// Writes the meaning of the colours, which have no strip of their own while the run goes on.
+fn write_colours(page: &mut String) {
+    let _ = writeln!(page, "\nColours of the strips: {}.", crate::legend::in_words());
 }
 
 /// Returns `true` if the table of the sensors is on the page.
@@ -68,9 +75,12 @@ fn on_page(run: &Run, verdict: Option<&Verdict>) -> bool {
     verdict.is_none() || run.lanes.len() <= 2 * MANY
 }
 
-/// The table of the states, and that of many sensors.
+/// The table of the states, and that of many sensors, or the colours of the strips of few.
 pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
     let mut page = errors::states(run);
+    if verdict.is_none() && run.lanes.len() <= FEW {
+        write_colours(&mut page);
+    }
     if !on_page(run, verdict) {
         write_sensors(&mut page, &run.lanes, verdict);
     }
@@ -78,39 +88,52 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
 }
 
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
-    let Answers { usable, because, sigma, sigma_because, change } = verdict.answers();
+    let given = verdict.answers();
+    let Answers { because, sigma, sigma_because, .. } = &given;
     // the truth of a simulation may contradict what the run alone cannot find
     let hidden = errors.contradict() && verdict.severity() <= Severity::Contained;
     let but = if hidden { ", but the truth contradicts its sigma" } else { "" };
     let _ = writeln!(page, "# {name}: {}{but}\n", verdict.words());
-    let more = |text: &str| if text.is_empty() { String::new() } else { format!(", {text}") };
-    let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
-    let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
     let sigma = match sigma {
         Truth::True | Truth::TooLarge if errors.contradict() => format!(
             "**{}** by the innovations, and **too small** by the truth{}",
             sigma.words(),
             errors.most()
         ),
+        // the safe side of the noise of a sensor, and not that of the states
+        Truth::TooLarge if errors.are_outside() => "**too large** by the innovations".to_owned(),
         // the same reason once
         sigma if sigma_because == because => format!("**{}**", sigma.words()),
-        sigma => format!("**{}**{}", sigma.words(), more(&sigma_because)),
+        sigma => format!("**{}**{}", sigma.words(), more(sigma_because)),
     };
-    let (usable, because) = (usable.words(), more(&because));
-    let _ =
-        writeln!(page, "Usable: **{usable}**{because} · sigma: {sigma} · look at: **{about}**\n");
+    let _ = writeln!(page, "{}\n", answers(&given, Some(&sigma)));
     for reason in &verdict.reasons {
         let words = match reason.criterion {
             // the reference is the evidence, and nothing says that it is bad
             Criterion::Reference => "against the reference",
             _ => reason.severity.words(),
         };
-        let _ = write!(page, "- {words}: **{}**: {}", reason.about, reason.text);
-        if !reason.remedy.is_empty() {
-            let _ = write!(page, "; *{}*", reason.remedy);
-        }
-        page.push_str(".\n");
+        let (about, text) = (&reason.about, sentence(&reason.text, &reason.remedy));
+        let _ = writeln!(page, "- {words}: **{about}**: {text}");
     }
+}
+
+/// A reason behind an answer, if there is any.
+fn more(because: &str) -> String {
+    if because.is_empty() { String::new() } else { format!(", {because}") }
+}
+
+/// The answers in one line: usable, is the sigma true, and what to look at.
+fn answers(Answers { usable, because, change, .. }: &Answers, sigma: Option<&str>) -> String {
+    let about: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
+    let about = if about.is_empty() { "nothing".to_owned() } else { about.join(", ") };
+    let sigma = sigma.map_or_else(String::new, |sigma| format!(" · sigma: {sigma}"));
+    format!("Usable: **{}**{}{sigma} · look at: **{about}**", usable.words(), more(because))
+}
+
+/// A finding and its remedy. The full stop belongs to the remedy: on a line of its own it would stand alone.
+fn sentence(text: &str, remedy: &str) -> String {
+    if remedy.is_empty() { format!("{text}.") } else { format!("{text}; *{remedy}.*") }
 }
 
 /// The numbers of samples of each sensor, two sensors in a row if there are many.

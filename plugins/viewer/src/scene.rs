@@ -148,9 +148,10 @@ fn draw_estimate(
         .with_radii([thick]);
     recording.log_static(&path(&["world", "estimate"]), &line)?;
     let pieces = scale.pieces(estimate.iter().map(|p| (p.geo, p.sigma)));
+    // lines of the map have no order: the colours of the estimate are on both sides of the truth
     let line = GeoLineStrings::from_lat_lon(pieces.iter().map(|p| p.1.clone()))
         .with_colors(pieces.iter().map(|p| p.0))
-        .with_radii([thick]);
+        .with_radii([Radius::new_ui_points(2.8)]);
     recording.log_static(&path(&["map", "estimate"]), &line)?;
     // the shadow of the track on the grid makes a dive visible
     let shadow = LineStrips3D::new([estimate.iter().map(|p| [p.ned[0], p.ned[1], level])]);

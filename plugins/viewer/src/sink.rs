@@ -133,7 +133,8 @@ impl RerunSink {
             Level::Warning => TextLogLevel::WARN,
             Level::Error => TextLogLevel::ERROR,
         };
-        let text = if event.about.is_empty() {
+        // `gnss lost: no sample for 5 s` names the sensor itself
+        let text = if event.text.starts_with(&event.about) {
             event.text.clone()
         } else {
             format!("{}: {}", event.about, event.text)

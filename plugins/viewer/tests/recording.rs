@@ -136,7 +136,7 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
     let logged = texts(&path, "/events", TextLog::descriptor_text().component);
     // an event before the run has the time of its first epoch, 100 s
     assert!(logged.contains(&"  100.000 s  trajectory: dive to 30 m".to_owned()), "{logged:?}");
-    let lost = "  599.900 s  depth: depth lost: no sample for 2 s".to_owned();
+    let lost = "  599.900 s  depth lost: no sample for 2 s".to_owned();
     assert!(logged.contains(&lost), "{logged:?}");
     let entities: Vec<String> =
         recording.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();

@@ -45,7 +45,7 @@ pub fn write(
     let guilty = |lane: &SensorLane| culprits.iter().any(|(culprit, _)| culprit.name == lane.name);
     let mut lines = Vec::new();
     for (lane, accusation) in &culprits {
-        lines.push(line(lane, sensors, accusation.whole, now));
+        lines.push(line(lane, sensors, accusation.whole, (now, verdict.is_some())));
     }
     let (mut victims, mut others) = (Vec::new(), Vec::new());
     for lane in lanes.iter().filter(|lane| !guilty(lane)) {
@@ -61,7 +61,7 @@ pub fn write(
                 culprit.name,
                 in_words(lane, sensors, &faults)
             )),
-            None => others.push(line(lane, sensors, false, now)),
+            None => others.push(line(lane, sensors, false, (now, verdict.is_some()))),
         }
     }
     lines.extend(victims.into_iter().chain(others));
@@ -149,8 +149,13 @@ fn meet(culprit: &SensorLane, lane: &SensorLane, now: Time) -> bool {
 }
 
 /// The line of a sensor: its fault from its begin to its end, in what it consists, and for how long
-/// its samples were used with doubt.
-fn line(lane: &SensorLane, sensors: &[SensorSeries], whole: bool, now: Time) -> String {
+/// its samples were used with doubt; `over` once the run has ended.
+fn line(
+    lane: &SensorLane,
+    sensors: &[SensorSeries],
+    whole: bool,
+    (now, over): (Time, bool),
+) -> String {
     let faults = faults(lane, now);
     let mut line = format!("**{}**", lane.name);
     let turns = if is_bad_in_turns(lane) {
@@ -183,7 +188,10 @@ fn line(lane: &SensorLane, sensors: &[SensorSeries], whole: bool, now: Time) -> 
     let doubted: Vec<Stretch> =
         stretches.iter().copied().filter(|s| s.health == Health::Doubted).collect();
     match (stretches.last().map(|s| s.health), doubted.first(), doubted.last()) {
-        (Some(Health::Isolated), ..) => parts.push("the sensor is isolated at the end".to_owned()),
+        (Some(Health::Isolated), ..) => {
+            let when = if over { "at the end" } else { "now" };
+            parts.push(format!("the sensor is isolated {when}"));
+        }
         (Some(Health::Doubted), Some(first), _) => parts.push(match doubted.len() {
             1 => format!("used with doubt from {:.0} s on", first.from.seconds()),
             n => format!("used with doubt from {:.0} s on, in {n} stretches", first.from.seconds()),

@@ -69,6 +69,12 @@ impl Errors {
         self.simulated && wrong > 0 && (far || wrong as f64 > most)
     }
 
+    /// Returns `true` where a state was outside its sigma for longer than usual, or by more than chance makes
+    /// it: its sigma is not on the safe side.
+    pub fn are_outside(&self) -> bool {
+        !self.wrong.is_empty() || self.largest.first().is_some_and(|l| l.2.sigmas > NEVER)
+    }
+
     /// When the errors were farthest beyond their sigma: what follows an answer.
     pub fn most(&self) -> String {
         let at = self.largest.first().map(|(_, _, worst)| worst.time.seconds());
@@ -87,6 +93,9 @@ impl Errors {
             _ if self.contradict() => "No".to_owned(),
             Truth::True if because.is_empty() => format!("Yes{by}"),
             Truth::True => format!("Yes, {because}{by}"),
+            Truth::TooLarge if self.are_outside() => {
+                "Yes, by the innovations, which are smaller than stated".to_owned()
+            }
             Truth::TooLarge => {
                 "Yes, on the safe side: innovations are smaller than stated".to_owned()
             }
@@ -251,6 +260,8 @@ fn write_corrected(page: &mut String, corrected: &[Corrected]) {
 mod tests {
     use super::*;
     use crate::overview::write_verdict;
+    use navfuse_core::model::record::finding::Severity;
+    use navfuse_core::model::record::verdict::{Criterion, Reason};
     use navfuse_core::units::time::Time;
 
     fn errors(simulated: bool, states: usize, largest: f64, wrong: usize) -> Errors {
@@ -291,6 +302,28 @@ mod tests {
         let answers = "Usable: **yes** · sigma: **true** by the innovations, and **too small** by the \
                        truth, most at 0 s · look at: **nothing**";
         assert!(page.contains(answers), "{page}");
+    }
+
+    /// A velocity log scatters less than stated, and a position was outside its sigma for a while.
+    #[test]
+    fn a_sigma_is_on_the_safe_side_only_where_every_state_stayed_within_it() {
+        let quiet = Reason {
+            criterion: Criterion::Nis,
+            severity: Severity::Note,
+            about: "dvl".into(),
+            text: "its innovations are small".into(),
+            remedy: "its stated noise is too large".into(),
+        };
+        let verdict = Verdict::new(vec![quiet], Vec::new());
+        for (largest, wrong, safe) in [(2.9, 0, true), (3.9, 2, false), (5.8, 0, false)] {
+            for simulated in [true, false] {
+                let (mut page, errors) = (String::new(), errors(simulated, 49, largest, wrong));
+                write_verdict(&mut page, "dive", &verdict, &errors);
+                errors.answer(&mut page, Some(&verdict), &[]);
+                assert!(page.contains("sigma: **too large**"), "{page}");
+                assert_eq!(page.matches("safe side").count(), if safe { 2 } else { 0 }, "{page}");
+            }
+        }
     }
 
     /// A sigma that errors contradict is not true, although no innovation does. Of 49 states, 2

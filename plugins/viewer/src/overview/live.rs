@@ -3,8 +3,9 @@
 use crate::axis::{self, short};
 use crate::run::Run;
 use crate::state::Component;
-use navfuse_core::model::record::finding::{Finding, Severity};
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::Health;
+use navfuse_core::model::record::verdict::{Criterion, Reason, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
@@ -15,15 +16,13 @@ pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {
     let worst = worst.filter(|finding| finding.severity > Severity::Note);
     let Some(Finding { time, about, severity, text, remedy, .. }) = worst else {
         let _ = writeln!(page, "# {name}: no fault found so far, at {at:.0} s\n");
+        write_answers(page, &run.findings);
         return write_now(page, run);
     };
     let (words, since) = (severity.verdict(), time.seconds());
     let _ = writeln!(page, "# {name}: {words} so far, at {at:.0} s\n");
-    let _ = write!(page, "Since {since:.0} s: **{about}**: {text}");
-    if !remedy.is_empty() {
-        let _ = write!(page, "; *{remedy}*");
-    }
-    page.push_str(".\n");
+    write_answers(page, &run.findings);
+    let _ = writeln!(page, "Since {since:.0} s: **{about}**: {}", super::sentence(text, remedy));
     let others: Vec<String> = (run.findings.iter())
         .filter(|f| f.about != *about && f.severity > Severity::Note)
         .map(|f| format!("**{}** since {:.0} s", f.about, f.time.seconds()))
@@ -33,6 +32,23 @@ pub fn write(page: &mut String, name: &str, run: &Run, now: Time) {
     }
     page.push('\n');
     write_now(page, run);
+}
+
+/// Writes whether the estimates are usable so far, and which part to look at, in the words of a run that has
+/// ended.
+fn write_answers(page: &mut String, findings: &[Finding]) {
+    let reason = |finding: &Finding| Reason {
+        criterion: match finding.basis {
+            Basis::Silence => Criterion::Silence,
+            _ => Criterion::Finding,
+        },
+        severity: finding.severity,
+        about: finding.about.clone(),
+        text: finding.text.clone(),
+        remedy: finding.remedy.clone(),
+    };
+    let verdict = Verdict::new(findings.iter().map(reason).collect(), Vec::new());
+    let _ = writeln!(page, "{}\n", super::answers(&verdict.answers(), None));
 }
 
 /// Writes which sensors are silent, refused or doubted at present, and which are used.
@@ -73,7 +89,6 @@ fn write_sigma(page: &mut String, run: &Run) {
 mod tests {
     use super::*;
     use crate::lane::SensorLane;
-    use navfuse_core::model::record::finding::Basis;
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
 
     fn time(seconds: i64) -> Time {
@@ -124,7 +139,8 @@ mod tests {
         let mut page = String::new();
         write(&mut page, "dive", &run(Vec::new()), time(90));
         let silent = "Now silent: **gnss** since 21 s · used: **imu**.\n";
-        assert_eq!(page, format!("# dive: no fault found so far, at 90 s\n\n{silent}"));
+        let usable = "Usable: **yes** · look at: **nothing**";
+        assert_eq!(page, format!("# dive: no fault found so far, at 90 s\n\n{usable}\n\n{silent}"));
         let finding = |seconds, about: &str, severity| Finding {
             time: time(seconds),
             about: about.into(),
@@ -142,7 +158,8 @@ mod tests {
         write(&mut page, "dive", &run(findings), time(90));
         let expected = [
             "# dive: do not use so far, at 90 s",
-            "Since 60 s: **imu**: it jumped; *look at it*.",
+            "Usable: **no**, imu: a fault was found · look at: **imu, gnss, dvl**",
+            "Since 60 s: **imu**: it jumped; *look at it.*",
             "Faults were also found of **gnss** since 40 s.",
             silent.trim(),
         ];
