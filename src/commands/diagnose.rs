@@ -7,7 +7,6 @@ use crate::execution::run::INCONSISTENT;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::{self, Format, write_files};
 use clap::Args;
-use navfuse_core::document::Document;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
@@ -63,6 +62,10 @@ pub fn diagnose(registry: &Registry, arguments: &Diagnose) -> Result<ExitCode> {
     settings.iter().try_for_each(|s| document.set(s))?;
     let target = arguments.apply.as_deref();
     target.map_or(Ok(()), |out| check_target(&of, out))?;
+    // a setting that cannot be written ends the command here, and not after its runs
+    let writes = target.is_some() || arguments.out.is_some();
+    let scenario = writes.then(|| navfuse_diagnose::apply(document.text(), &settings));
+    let scenario = scenario.transpose()?.unwrap_or_default();
     let text = arguments.format == Format::Text;
     let (stop, bar) = (stop_on_signal(), Bar::new(text));
     let show = |done, all| bar.trials(done, all);
@@ -76,14 +79,17 @@ pub fn diagnose(registry: &Registry, arguments: &Diagnose) -> Result<ExitCode> {
     }
     if let Some(out) = &arguments.out {
         let name = Scenario::new(registry, document.clone(), &[])?.name();
-        let scenario = navfuse_diagnose::apply(document.text(), &settings)?;
         write_page(&name, &scenario, &diagnosis, out, text)?;
     }
     if diagnosis.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
-    if let (Some(out), Some(best)) = (target, diagnosis.best()) {
-        write(&document, &settings, best, out, text)?;
+    match (target, diagnosis.best()) {
+        (Some(out), Some(best)) => write(&scenario, best, out, text)?,
+        (Some(out), None) => {
+            output::warn(format_args!("no change to write: {} is not written", out.display()));
+        }
+        (None, _) => {}
     }
     Ok(exit_code(&diagnosis))
 }
@@ -105,16 +111,9 @@ fn check_target(scenario: &Path, out: &Path) -> Result<()> {
     output::check(out)
 }
 
-/// Writes the scenario with its settings and the best change.
-fn write(
-    document: &Document,
-    settings: &[String],
-    best: &Trial,
-    out: &Path,
-    shown: bool,
-) -> Result<()> {
-    let all = [settings, &best.settings].concat();
-    output::write(out, &navfuse_diagnose::apply(document.text(), &all)?)?;
+/// Writes the scenario with the best change.
+fn write(scenario: &str, best: &Trial, out: &Path, shown: bool) -> Result<()> {
+    output::write(out, &navfuse_diagnose::apply(scenario, &best.settings)?)?;
     if shown {
         output::line(format_args!("{}", out.display()));
     }

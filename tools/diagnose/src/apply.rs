@@ -1,30 +1,94 @@
 //! Assignments written into the text of a scenario, whose comments stay.
 
 use crate::DiagnoseError;
-use toml_edit::{DocumentMut, InlineTable, Item, Key, Table, TableLike, Value};
+use toml_edit::{
+    Array, ArrayOfTables, DocumentMut, InlineTable, Item, Key, Table, TableLike, Value,
+};
 
 /// Depth of the tables with a heading of their own: `[sensor.dvl]`.
 const HEADED: usize = 2;
 
-/// The text with the assignments `key.path=value`.
+/// A place in the text that holds others.
+enum At<'a> {
+    Table(&'a mut dyn TableLike),
+    Array(&'a mut Array),
+    /// `[[source.simulation.segments]]`
+    Tables(&'a mut ArrayOfTables),
+}
+
+impl<'a> At<'a> {
+    fn item(item: &'a mut Item) -> Option<Self> {
+        match item {
+            Item::Table(table) => Some(At::Table(table)),
+            Item::ArrayOfTables(tables) => Some(At::Tables(tables)),
+            Item::Value(value) => At::value(value),
+            Item::None => None,
+        }
+    }
+
+    fn value(value: &'a mut Value) -> Option<Self> {
+        match value {
+            Value::InlineTable(table) => Some(At::Table(table)),
+            Value::Array(array) => Some(At::Array(array)),
+            _ => None,
+        }
+    }
+
+    /// The place under a key, or at an index. A missing table is made, and no missing array.
+    fn inner(self, key: &Key, next: &Key, depth: usize) -> Option<Self> {
+        match self {
+            At::Table(table) if table.contains_key(key) || index(next).is_none() => {
+                At::item(table.entry(key).or_insert_with(|| missing(depth)))
+            }
+            At::Table(_) => None,
+            At::Array(array) => At::value(array.get_mut(index(key)?)?),
+            At::Tables(tables) => Some(At::Table(tables.get_mut(index(key)?)?)),
+        }
+    }
+
+    /// Sets a value; a comment behind the one before stays.
+    fn assign(self, key: &Key, value: Value) -> Option<()> {
+        match self {
+            At::Table(table) => {
+                let before = table.get(key).and_then(Item::as_value);
+                let value = placed_as(before, value);
+                table.insert(key, Item::Value(value));
+            }
+            At::Array(array) => {
+                let element = array.get_mut(index(key)?)?;
+                *element = placed_as(Some(&*element), value);
+            }
+            At::Tables(_) => return None,
+        }
+        Some(())
+    }
+}
+
+/// The text with the assignments `key.path=value`. A number in the path is the index of an element, as for
+/// [`Document::set`](navfuse_core::document::Document::set).
 ///
 /// # Errors
-/// When the text is not TOML, or a path leads through a value.
+/// When the text is not TOML, or a path leads through a value or to an element that is not there.
 pub fn apply(text: &str, settings: &[String]) -> Result<String, DiagnoseError> {
     let mut document: DocumentMut = text.parse().map_err(DiagnoseError::Text)?;
     for setting in settings {
         let through = || DiagnoseError::Setting(setting.clone());
         let (path, value) = setting.split_once('=').ok_or_else(through)?;
-        let mut keys = Key::parse(path).map_err(DiagnoseError::Text)?;
-        let last = keys.pop().ok_or_else(through)?;
-        let mut table: &mut dyn TableLike = document.as_table_mut();
-        for (depth, key) in keys.iter().enumerate() {
-            let inner = table.entry(key).or_insert_with(|| missing(depth));
-            table = inner.as_table_like_mut().ok_or_else(through)?;
+        let keys = Key::parse(path).map_err(DiagnoseError::Text)?;
+        let (last, _) = keys.split_last().ok_or_else(through)?;
+        let mut at = At::Table(document.as_table_mut());
+        for (depth, pair) in keys.windows(2).enumerate() {
+            at = at.inner(&pair[0], &pair[1], depth).ok_or_else(through)?;
         }
-        assign(table, &last, value.parse().unwrap_or_else(|_| value.into()));
+        let value = value.trim();
+        at.assign(last, value.parse().unwrap_or_else(|_| value.into())).ok_or_else(through)?;
     }
     Ok(document.to_string())
+}
+
+/// The index of an element that a key is.
+fn index(key: &Key) -> Option<usize> {
+    key.get().parse().ok()
 }
 
 /// A table that the text does not have yet.
@@ -37,12 +101,12 @@ fn missing(depth: usize) -> Item {
     Item::Table(table)
 }
 
-/// Sets a value; a comment behind the one before stays.
-fn assign(table: &mut dyn TableLike, key: &Key, mut value: Value) {
-    if let Some(Item::Value(before)) = table.get(key) {
+/// A value with the spaces and the comment of the one before.
+fn placed_as(before: Option<&Value>, mut value: Value) -> Value {
+    if let Some(before) = before {
         *value.decor_mut() = before.decor().clone();
     }
-    table.insert(key, Item::Value(value));
+    value
 }
 
 #[cfg(test)]
@@ -64,6 +128,39 @@ mod tests {
                         scale = { sigma = \"20 %\" }\n\
                         samples = { factor = { vel_x = -1.0 } }\n\n[sensor.depth]\nenabled = false\n";
         assert_eq!(written, expected);
+    }
+
+    /// A table on one line takes the new keys on that line.
+    #[test]
+    fn a_table_on_one_line_gets_the_new_part() {
+        let text = "sensor = { dvl = { noise = \"1 cm/s\" } }\n[process]\nins = {}\n";
+        let settings = ["sensor.depth.enabled = false", "process.ins.bias.sigma = 1 deg/h"];
+        let written = apply(text, &settings.map(str::to_owned)).unwrap();
+        let expected = "sensor = { dvl = { noise = \"1 cm/s\" } , depth.enabled = false }\n\
+                        [process]\nins = { bias = { sigma = \"1 deg/h\" } }\n";
+        assert_eq!(written, expected);
+    }
+
+    /// As for `--set`, a number in the path is the index of an element.
+    #[test]
+    fn an_element_of_an_array_is_set() {
+        let text = "[source.simulation]\nstops = [1, 2] # two\nlegs = [{ length = 1 }]\n\
+                    [[sensor.dvl.simulation.faults]]\nsize = 1\n";
+        let settings = [
+            "source.simulation.stops.1=3",
+            "source.simulation.legs.0.length=2",
+            "sensor.dvl.simulation.faults.0.size=5 m",
+        ];
+        let written = apply(text, &settings.map(str::to_owned)).unwrap();
+        let expected = "[source.simulation]\nstops = [1, 3] # two\nlegs = [{ length = 2 }]\n\
+                        [[sensor.dvl.simulation.faults]]\nsize = \"5 m\"\n";
+        assert_eq!(written, expected);
+        for path in
+            ["source.simulation.stops.2=3", "source.simulation.stops.x=3", "source.others.0.x=1"]
+        {
+            let error = apply(text, &[path.to_owned()]).unwrap_err();
+            assert!(error.to_string().contains(path), "{error}");
+        }
     }
 
     #[test]

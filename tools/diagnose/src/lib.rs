@@ -174,8 +174,11 @@ pub enum DiagnoseError {
     /// The text of the scenario is not TOML.
     #[error(transparent)]
     Text(toml_edit::TomlError),
-    /// The scenario has a value where the change needs a table.
-    #[error("{0:?} cannot be written into the scenario: its path leads through a value")]
+    /// The scenario has a value where the change needs a table, or lacks the array of an element.
+    #[error(
+        "{0:?} cannot be written into the scenario: its path leads through a value, or to an element that \
+         the file does not have; give the whole array, or change the file"
+    )]
     Setting(String),
 }
 
