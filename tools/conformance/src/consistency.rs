@@ -36,7 +36,9 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     for (part, model) in lab.models() {
         report.add("nis", part.about, nis(&runs, part.index, model.channels(), assumes));
     }
-    report.next.extend(early(&runs, assumes));
+    // a wrong derivative explains errors better than a wide prior does
+    let derived = report.failures().all(|f| !matches!(f.check, "jacobian" | "transition"));
+    report.next.extend(early(&runs, assumes).filter(|_| derived));
     let layout = &lab.composition.layout;
     for (name, about) in names.iter().zip(parts) {
         let own = |b: &&Block| b.name.split('.').next() == Some(name);

@@ -238,7 +238,8 @@ fn of_row(
     for axis in 0..given.len() {
         let negligible = 1e-6 * sigma / lab::reach(block, values, axis);
         let mut least = f64::INFINITY;
-        for scale in [1.0, 1e-1, 1e1, 1e-2, 1e2] {
+        // a range between places in Earth-fixed axes, 6e6 m, is rounded to 1e-9 m: large steps
+        for scale in [1.0, 1e-1, 1e1, 1e-2, 1e2, 1e3, 1e4] {
             let (numeric, rounding) = numeric(axis, scale);
             let error = ((given[axis] - numeric).abs() - rounding).max(0.0);
             least = least.min(error / largest);

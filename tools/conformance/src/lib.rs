@@ -30,6 +30,7 @@
 
 mod channels;
 mod consistency;
+mod display;
 mod jacobian;
 mod lab;
 mod noise;
@@ -111,6 +112,7 @@ fn report_types(types: &Types, scenario: &str) -> Report {
             parameters::check(&lab, &mut report);
             if lab.has_models() {
                 channels::check(&lab, &mut report);
+                display::check(&lab, &mut report);
                 jacobian::check(&lab, &mut report);
                 noise::check(&lab, &mut report);
                 sigma::check(&lab, &mut report);

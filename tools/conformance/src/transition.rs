@@ -176,7 +176,9 @@ fn compare(
                             "the rate (Phi - I) / dt of {}, axis {}, with respect to {}, axis {}, \
                              is {:.6e}; central differences of propagate give {:.6e}; correct the \
                              term in `propagate`, and declare its place with Composer::transition \
-                             if it has none",
+                             if it has none; in a `Step`, compute with its T, and without functions \
+                             that branch at zero, such as Rotation3::from_scaled_axis, whose \
+                             derivative is lost there: Rotation::retract has it",
                             row.name,
                             i - row.tangent_range().start + 1,
                             column.name,

@@ -2,6 +2,7 @@
 
 mod bad;
 
+use bad::spinner::SpinnerPlugin;
 use bad::streams::BadStreams;
 use bad::{BadPlugin, Bare, Undocumented};
 use navfuse_conformance::{Report, report};
@@ -74,6 +75,7 @@ fn a_sensor_without_a_fault_passes_every_check() {
     let names = [
         "parameters",
         "channels",
+        "display",
         "jacobian",
         "noise",
         "sigma",
@@ -137,6 +139,20 @@ fn rows_of_channels_that_are_missing() {
         "rejection",
         "a sample without channel one is used with 2 channels instead of 1",
     );
+}
+
+/// The rounding of Earth-fixed coordinates is no error of a derivative.
+#[test]
+fn a_range_between_earth_fixed_places_has_a_derivative() {
+    let report = sensor("far");
+    assert!(report.failures().all(|f| f.check != "jacobian"), "{report}");
+}
+
+#[test]
+fn a_scale_that_is_not_that_of_its_unit() {
+    let message =
+        "the state bad.bias is shown in cm with the scale 1, and one such unit is 0.01 in SI";
+    finds(&sensor("centimetres"), "display", message);
 }
 
 #[test]
@@ -246,6 +262,23 @@ fn a_process_with_a_wrong_transition() {
     );
     finds(&process("undeclared"), "transition", "declare its place with Composer::transition");
     finds(&process("q"), "transition", "is not positive: the variance of axis 2");
+}
+
+/// A rotation by a rate of zero: its derivative is the axis, and nalgebra returns a constant there.
+#[test]
+fn a_step_whose_derivative_is_lost_at_zero() {
+    let scenario = |fault: &str| {
+        format!(
+            "[process.spinner]\nfault = {fault}\n[sensor.bow]\nnoise = \"1 %\"\n\
+             simulation = {{ rate = \"2 Hz\" }}\n[source.simulation]\n\
+             segments = [{{ type = \"static\", duration = \"30 s\" }}]\n"
+        )
+    };
+    let lost = report(&[&SpinnerPlugin], &scenario("true"));
+    finds(&lost, "transition", "Rotation::retract has it");
+    assert!(lost.next.iter().all(|next| !next.contains("overconfident")), "{lost}");
+    let sound = report(&[&SpinnerPlugin], &scenario("false"));
+    assert!(sound.failures().all(|f| f.check != "transition"), "{sound}");
 }
 
 #[test]

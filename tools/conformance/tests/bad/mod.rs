@@ -1,5 +1,6 @@
 //! A sensor and a process with a fault that the scenario names.
 
+pub mod spinner;
 pub mod streams;
 
 use navfuse_core::Real;
@@ -13,7 +14,7 @@ use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At, Jacobian, MeasurementModel};
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::Scene;
-use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, convert};
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::state::covariance::{NoiseSlot, PhiSlot, Transition, Update};
 use navfuse_core::state::display;
@@ -69,7 +70,9 @@ impl SensorType for Bad {
     }
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let navigation = Navigation::find(composer, "navigation", "ins")?;
-        let bias = self.bias.block(composer, "bias", &[0.0], display::LENGTH)?;
+        let unit = if self.fault == "centimetres" { "cm" } else { "m" };
+        let shown = Display { unit, ..display::LENGTH };
+        let bias = self.bias.block(composer, "bias", &[0.0], shown)?;
         let mut sigma = self.noise.value().si();
         match self.fault.as_str() {
             "linear" => sigma = sigma.sqrt(),
@@ -125,6 +128,13 @@ impl MeasurementModel<2> for BadModel {
             // without a jump where the bias begins to count
             let above = if height > T::zero() { height * x.get(self.bias) } else { T::zero() };
             return Vector2::repeat(above - height);
+        }
+        if self.fault == "far" {
+            // the range to a mark 90 m away that is out of its place by the bias
+            let here = x.get(self.navigation.position);
+            let away = [60.0, 60.0, 30.0].map(convert::<f64, T>);
+            let mark = here.displaced(&(Vector3::from(away) + Vector3::repeat(x.get(self.bias))));
+            return Vector2::repeat((mark.earth_fixed() - here.earth_fixed()).norm() - height);
         }
         let mut z = Vector2::repeat(-height + x.get(self.bias));
         match self.fault.as_str() {
