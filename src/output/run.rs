@@ -164,7 +164,9 @@ fn answers(answers: &Answers) {
     line(format_args!("usable: {}{}", usable.words(), more(because)));
     line(format_args!("sigma:  {}{}", sigma.words(), more(sigma_because)));
     let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
-    line(format_args!("change: {}", parts.join(", ")));
+    if !parts.is_empty() {
+        line(format_args!("change: {}", parts.join(", ")));
+    }
 }
 
 /// The tone of a verdict.

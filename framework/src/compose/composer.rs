@@ -195,13 +195,15 @@ impl Composer {
     fn slot_of(&self, key: &str, full: &str) -> Result<usize, ComposeError> {
         self.layout.blocks.iter().position(|b| b.name == full).ok_or_else(|| {
             let names: Vec<&str> = self.names().collect();
-            let hint = crate::document::did_you_mean(full, names.iter().copied())
-                .map_or_else(String::new, |n| format!("did you mean {n}? "));
+            // a state of that name which another part has: the key names the wrong part
+            let own = |name: &&str| {
+                full.split_once('.').map(|f| f.1) == name.split_once('.').map(|n| n.1)
+            };
+            let near = crate::document::did_you_mean(full, names.iter().copied());
+            let near = near.or_else(|| names.iter().copied().find(own));
+            let hint = near.map_or_else(String::new, |n| format!("; did you mean {n}?"));
             let all = names.join(", ");
-            ComposeError::new(
-                key,
-                format!("there is no state {full}; {hint}(states so far: {all})"),
-            )
+            ComposeError::new(key, format!("there is no state {full}{hint} (states so far: {all})"))
         })
     }
 

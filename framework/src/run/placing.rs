@@ -51,7 +51,10 @@ pub(super) fn place_sensor(
     let exclude = excluded(part, &keys)?;
     let clones = composer.take_clones();
     if let (Some(node), false) = (part.node.get("time_offset"), clones.is_empty()) {
-        let message = "a sensor that reads a past state cannot have a time offset; remove it here";
+        let message = "a sensor that reads a past state cannot have a time offset: the past state is \
+                       copied at the time of a sample, which the offset would not move; take a known \
+                       lag off its stamps, samples = { clock = \"-0.2 s\" } with late = \"1 s\", \
+                       and remove time_offset";
         return Err(node.error(message));
     }
     let late = longest_lateness(part, &keys)?;

@@ -315,10 +315,8 @@ fn meaning(schema: &Value) -> String {
 
 /// The schema behind a reference, or the part of a choice that is not null.
 fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Value {
-    if let Some(name) =
-        schema.get("$ref").and_then(Value::as_str).and_then(|r| r.rsplit('/').next())
-    {
-        return definitions.get(name).map_or(schema, |s| resolve(s, definitions));
+    if let Some(name) = referenced(schema) {
+        return definitions.get(&name).map_or(schema, |s| resolve(s, definitions));
     }
     let choices = schema.get("anyOf").and_then(Value::as_array);
     let mut choices =
@@ -330,11 +328,17 @@ fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Va
 }
 
 /// The name of the schema of a calibration, which may be optional; none for another schema.
-fn calibration(schema: &Value) -> Option<&str> {
+fn calibration(schema: &Value) -> Option<String> {
     let choices = schema.get("anyOf").and_then(Value::as_array).into_iter().flatten();
-    let reference = std::iter::once(schema).chain(choices).find_map(|s| s.get("$ref"));
-    let name = reference.and_then(Value::as_str)?.rsplit('/').next()?;
+    let name = std::iter::once(schema).chain(choices).find_map(referenced)?;
     name.starts_with("Calibration_").then_some(name)
+}
+
+/// The name of the definition to which a schema refers. The name of a quantity without one of its own is its
+/// unit, such as `A/m^2`, which a reference escapes (RFC 6901, RFC 3986).
+fn referenced(schema: &Value) -> Option<String> {
+    let name = schema.get("$ref")?.as_str()?.rsplit('/').next()?;
+    Some(name.replace("%5E", "^").replace("~1", "/").replace("~0", "~"))
 }
 
 /// The values that a schema accepts, in words.
@@ -344,13 +348,11 @@ fn takes(schema: &Value, definitions: &Map<String, Value>, depth: usize) -> Stri
     }
     let inner = |s: &Value| takes(s, definitions, depth + 1);
     if let Some(name) = calibration(schema) {
-        let value = definitions.get(name).and_then(|d| d.pointer("/anyOf/0"));
+        let value = definitions.get(&name).and_then(|d| d.pointer("/anyOf/0"));
         return format!("calibration, {}", value.map_or_else(String::new, inner));
     }
-    if let Some(name) =
-        schema.get("$ref").and_then(Value::as_str).and_then(|r| r.rsplit('/').next())
-    {
-        return definitions.get(name).map_or_else(|| name.to_owned(), inner);
+    if let Some(name) = referenced(schema) {
+        return definitions.get(&name).map_or(name, inner);
     }
     if let Some(constant) = schema.get("const") {
         return constant.to_string();

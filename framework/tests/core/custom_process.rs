@@ -2,7 +2,8 @@
 //! in the plane, observed by the distances to two beacons.
 
 use navfuse_core::Real;
-use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::Calibration;
+use navfuse_core::compose::{Composer, Composition};
 use navfuse_core::document::Document;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
@@ -19,13 +20,14 @@ use navfuse_core::nalgebra::{
 };
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::run::schema::parameters;
 use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, Transition};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Manifold, Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::Time;
-use navfuse_core::units::{AccelerationNoise, Length, Sigma};
+use navfuse_core::units::{AccelerationNoise, Length, Quantity, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -127,6 +129,13 @@ struct Ranges {
     /// The prediction is NaN.
     #[serde(default)]
     broken: bool,
+    /// Process whose place is measured.
+    #[serde(default)]
+    of: Option<String>,
+    /// Charge of each metre and second.
+    #[serde(default)]
+    #[expect(dead_code, reason = "read by its schema")]
+    charge: Calibration<Quantity<-4, 0, 4, 0, 0, 2>, Quantity<-4, 0, 3, 0, 0, 2>>,
 }
 
 const BEACONS: [[f64; 2]; 2] = [[-50.0, 120.0], [150.0, -40.0]];
@@ -139,7 +148,8 @@ impl SensorType for Ranges {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let place = composer.find("place", "cruise.place")?;
+        let of = self.of.as_deref().unwrap_or("cruise");
+        let place = composer.find("of", &format!("{of}.place"))?;
         let (sigma, broken) = (self.noise.value().si(), self.broken);
         Ok(Role::measurement(RangesModel { place, sigma, broken }))
     }
@@ -245,6 +255,10 @@ impl Plugin for Mine {
 }
 
 fn filter(settings: &[&str]) -> Ekf {
+    Ekf::new(composed(settings).unwrap())
+}
+
+fn composed(settings: &[&str]) -> Result<Composition, String> {
     let mut registry = Registry::new();
     registry.add(&Mine);
     let scenario = r#"
@@ -255,7 +269,8 @@ fn filter(settings: &[&str]) -> Ekf {
     "#;
     let document = Document::parse("cruise.toml", scenario).unwrap();
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    Ekf::new(Scenario::new(&registry, document, &settings).unwrap().compose().unwrap())
+    let scenario = Scenario::new(&registry, document, &settings).map_err(|e| e.to_string())?;
+    scenario.compose().map_err(|e| e.to_string())
 }
 
 fn ranges(place: Vector2<f64>) -> [f64; 2] {
@@ -339,7 +354,25 @@ fn a_process_that_yields_nan_ends_the_run_with_its_name_the_block_and_the_time()
     let mut ekf = filter(&["process.cruise.broken=true"]);
     ekf.process(&sample(0.0), &mut ()).unwrap();
     let error = ekf.process(&sample(1.5), &mut ()).unwrap_err();
-    assert_eq!(error.to_string(), "at 1.500 s: cruise: cruise.place is no longer a number");
+    let text = "at 1.500 s: cruise: cruise.place is no longer a number; look in the equations";
+    assert!(error.to_string().starts_with(text), "{error}");
+}
+
+#[test]
+fn a_state_of_another_part_is_suggested_where_the_key_names_the_wrong_one() {
+    let error = composed(&["sensor.ranges.of=ins"]).map(|_| ()).unwrap_err();
+    let text =
+        "there is no state ins.place; did you mean cruise.place? (states so far: cruise.place";
+    assert!(error.contains(text), "{error}");
+}
+
+#[test]
+fn a_calibration_of_a_quantity_without_a_name_has_its_example() {
+    let mut registry = Registry::new();
+    registry.add(&Mine);
+    let entry = registry.entries().find(|entry| &*entry.name == "ranges").unwrap();
+    let charge = parameters(entry).into_iter().find(|row| row.key == "charge").unwrap();
+    assert_eq!(charge.takes, "calibration, e.g. \"1 s^2*A/m^2\"");
 }
 
 #[test]

@@ -61,7 +61,10 @@ fn check_numbers(layout: &Layout, state: &State) -> Result<(), ProcessError> {
     let lost = layout.blocks.iter().filter(|block| block.label.is_none());
     let lost = lost.filter(|block| !state.values[block.range()].iter().all(|v| v.is_finite()));
     match lost.map(|block| &block.name).next() {
-        Some(name) => Err(ProcessError::domain(format!("{name} is no longer a number"))),
+        Some(name) => Err(ProcessError::domain(format!(
+            "{name} is no longer a number; look in the equations of the process for a division by zero, \
+             a root or a logarithm"
+        ))),
         None => Ok(()),
     }
 }

@@ -49,6 +49,10 @@ use std::marker::PhantomData;
 /// ```
 pub trait Step: Clone + Send + 'static {
     /// Sets the blocks that the process moves to their values after `dt` seconds, without noise.
+    ///
+    /// Compute with `T`, and without functions that branch at zero, whose derivative is lost there: turn
+    /// an attitude by [`Manifold::retract`], and not by `Rotation3::from_scaled_axis`.
+    ///
     /// `input` is the driving sample, if the process has one; while the process coasts, and when
     /// the places are found, it is `None`.
     fn step<T: Real>(

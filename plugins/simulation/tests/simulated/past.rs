@@ -373,7 +373,8 @@ fn a_sensor_with_a_past_state_has_no_time_offset() {
     let offset = "sensor.camera.time_offset={ sigma = \"0.1 s\" }".to_owned();
     let scenario = Scenario::new(&registry, document, &[offset]).unwrap();
     let text = scenario.compose().map(|_| ()).unwrap_err().to_string();
-    assert!(text.contains("cannot have a time offset"), "{text}");
+    assert!(text.contains("cannot have a time offset: the past state is copied"), "{text}");
+    assert!(text.contains("samples = { clock = "), "{text}");
 }
 
 const RECEIVER: &str = r#"
