@@ -100,6 +100,7 @@ impl Grid {
         Ok(Self { columns, rows, corner, cell, heights })
     }
 
+    // ANCHOR: height
     /// Height of the bottom (m) at a place, bilinear between the middles of four cells; NaN beyond the
     /// map. The height of the place does not matter.
     pub fn height<T: Real>(&self, place: &Geodetic<T>) -> T {
@@ -120,6 +121,7 @@ impl Grid {
         let along = |k: usize| at(k) + (at(k + 1) - at(k)) * x;
         along(0) + (along(self.columns) - along(0)) * y
     }
+    // ANCHOR_END: height
 }
 
 #[cfg(test)]

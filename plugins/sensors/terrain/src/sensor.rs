@@ -148,6 +148,7 @@ impl TerrainModel {
 }
 
 impl MeasurementModel<1> for TerrainModel {
+    // ANCHOR: implicit
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         let transducer = self.navigation.position_at(x, &x.get(self.lever_arm));
         // a map shifted to the north is read at the south of the place
@@ -164,6 +165,7 @@ impl MeasurementModel<1> for TerrainModel {
         let slope = (number(clearance(range + 1e-3)) - number(clearance(range - 1e-3))) / 2e-3;
         SVector::from([convert::<f64, T>(range) - clearance(range) / convert(slope)])
     }
+    // ANCHOR_END: implicit
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(self.variance)
