@@ -25,6 +25,8 @@ pub struct Found {
     pub beams: Option<Beams>,
     /// Set if a sample of zeros is none.
     pub zeros: bool,
+    /// The columns of a table that has one half of an inertial unit, for a message.
+    pub others: String,
     /// The best class of fixes that a receiver reports.
     pub class: Option<FixClass>,
 }

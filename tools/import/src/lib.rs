@@ -162,13 +162,18 @@ pub fn import(
     recording.swims_along_its_axes()?;
     recording.doubt_forward(&streams);
     let draft = draft::scenario(&recording, Some(&streams), answers);
+    let parts = recording.parts.iter().filter(|part| part.samples.clock.is_some());
+    let shifted: Vec<String> = parts.map(|part| part.name.to_owned()).collect();
     let mut notes = recording.notes;
     if answers.heading.is_some() && !draft.text.contains(draft::AS_ANSWERED) {
         notes
             .push("the answer of the heading is not used: the samples show the heading".to_owned());
     }
     for stream in &streams {
-        notes.extend(stream.clock.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
+        // of a clock that was shifted, a note has the offset
+        let rest =
+            stream.clock.filter(|clock| clock.matters() || !shifted.contains(&stream.sensor));
+        notes.extend(rest.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
     }
     let draft::Text { text: scenario, questions, alternatives, .. } = draft;
     Ok(Some(Imported { scenario, streams, questions, alternatives, notes }))

@@ -5,10 +5,11 @@ type Mark = (usize, &'static [u8], &'static str, &'static str);
 
 const TABLE: &str = "export it as a table (CSV) with a heading for each column";
 const UNPACK: &str = "unpack it and give its files";
+const SOLVE: &str = "compute its positions, such as with rnx2rtkp of RTKLIB, and give these";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 27] = [
+const LONG: [Mark; 31] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -46,6 +47,10 @@ const LONG: [Mark; 27] = [
     (0, b"Rar!\x1a\x07", "a RAR archive", UNPACK),
     (0, b"BZh91AY&SY", "a file packed with bzip2", UNPACK),
     (257, b"ustar", "a tar archive", UNPACK),
+    (0, b"MDF     ", "a measurement in MDF (.mf4, .mdf)", TABLE),
+    (0, b"TDSm", "a file of LabVIEW (.tdms)", TABLE),
+    (60, b"RINEX VERSION / TYPE", "a file of RINEX", SOLVE),
+    (20, b"OBSERVATION DATA", "a file of RINEX", SOLVE),
 ];
 
 /// Marks of messages of receivers and inertial units, which other bytes may resemble: they name a

@@ -149,7 +149,16 @@ impl Recording {
 
     /// The error of a recording without an IMU: what each file has, and what is missing.
     fn without_imu(&self) -> StreamError {
-        let has = self.contents.iter().map(|(file, has)| format!("{}: {has}", file.display()));
+        let columns = |file: &Path| {
+            let named =
+                |half: &(Found, PathBuf)| std::fs::canonicalize(file).is_ok_and(|f| f == half.1);
+            let half = self.halves.iter().flatten().find(|half| named(half))?;
+            Some(format!(", with the columns {}", half.0.others))
+                .filter(|_| !half.0.others.is_empty())
+        };
+        let has = self.contents.iter().map(|(file, has)| {
+            format!("{}: {has}{}", file.display(), columns(file).unwrap_or_default())
+        });
         let text = format!("no file has an IMU ({})", has.collect::<Vec<_>>().join("; "));
         let remedy = if self.parts.iter().any(|p| p.reader == Reader::Bag) || self.bag {
             "name the fields of an unknown type in a scenario, such as \

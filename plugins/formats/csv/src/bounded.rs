@@ -4,6 +4,7 @@
 
 use crate::folder::{Folder, is_folder};
 use crate::labelled::Labelled;
+use crate::stamps::Stamps;
 use crate::transposed::{self, Columns};
 use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
@@ -13,6 +14,8 @@ use std::path::Path;
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
+/// Bytes of zero in one piece that are no text, as a recorder without power leaves them.
+const HOLE: usize = 4096;
 /// Bytes by which a file with an array for each column is recognised.
 const BUFFER: usize = 16 * 1024;
 /// First bytes of a file that gzip packed.
@@ -33,6 +36,8 @@ pub struct Form {
     pub until: Option<u64>,
     /// Headings of rows that name their values.
     pub labels: Option<Vec<String>>,
+    /// The mark that ends the stamp before each line, and the separator of the cells.
+    pub stamps: Option<(String, char)>,
 }
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
@@ -92,11 +97,12 @@ impl Bounded {
         form: Form,
     ) -> io::Result<Self> {
         let (file, decoded) = in_utf8(Box::new(bytes))?;
-        let labels = form.labels.clone();
-        let changed = changed || decoded || form.joined || labels.is_some();
-        let file = match labels {
-            Some(headings) => Box::new(Labelled::new(file, headings)),
-            None => file,
+        let changes = form.joined || form.labels.is_some() || form.stamps.is_some();
+        let changed = changed || decoded || changes;
+        let file: Box<dyn Read + Send> = match (form.labels.clone(), form.stamps.clone()) {
+            (Some(headings), _) => Box::new(Labelled::new(file, headings)),
+            (None, Some((mark, delimiter))) => Box::new(Stamps::new(file, mark, delimiter)),
+            (None, None) => file,
         };
         Ok(Self {
             file,
@@ -223,10 +229,17 @@ impl Read for Bounded {
         if self.form.until == Some(0) {
             return Ok(0);
         }
-        let count = if self.form.joined && length > 1 {
-            self.spaces.read(&mut self.file, &mut bytes[..length])?
-        } else {
-            self.file.read(&mut bytes[..length])?
+        let count = loop {
+            let count = if self.form.joined && length > 1 {
+                self.spaces.read(&mut self.file, &mut bytes[..length])?
+            } else {
+                self.file.read(&mut bytes[..length])?
+            };
+            let zeros = count >= HOLE && bytes[..count].iter().all(|b| *b == 0);
+            if !zeros {
+                break count;
+            }
+            self.changed = true;
         };
         let count = self.within(&bytes[..count]);
         self.reform(&mut bytes[..count]);

@@ -98,7 +98,7 @@ impl ChannelCell {
                 pair.map_or(f64::NAN, |pair| pair[self.axis])
             }
             Notation::EarthFixed => {
-                let point = Vector3::new(value(0), value(1), value(2));
+                let point = Vector3::new(value(0), value(1), value(2)) * self.scale;
                 let position = Geodetic::from_earth_fixed(&point);
                 let [lat, lon, height] = [position.latitude, position.longitude, position.height];
                 // a point near the centre is a receiver without a fix
@@ -109,7 +109,7 @@ impl ChannelCell {
         };
         let si = self.unit.map_or(number, |u| u.to_si(number));
         let south_or_west = self.side.is_some_and(|k| matches!(text(k), b"S" | b"W" | b"s" | b"w"));
-        let si = if south_or_west { -si } else { si };
+        let si = if south_or_west { -si.abs() } else { si };
         Some(self.pressure.map_or(si, |[surface, metre]| (si - surface) / metre) * self.scale)
     }
 

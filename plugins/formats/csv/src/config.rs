@@ -70,6 +70,9 @@ pub struct FileConfig {
     /// such as `t=0.01 gx: 0.2`, and points of GPX, TCX and KML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
     /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
     pub labels: bool,
+    /// Text behind the stamp that a terminal program wrote before each line, such as `->` of the Arduino IDE, or `]`: the
+    /// stamp is then the first cell of the line. Default: none.
+    pub stamps: Option<String>,
     /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
     pub decimal: Decimal,
     /// Texts of the cells that a row must have, by heading, in a file with rows of several kinds:
@@ -107,6 +110,7 @@ impl Default for FileConfig {
             until: None,
             vectors: BTreeMap::new(),
             labels: false,
+            stamps: None,
             decimal: Decimal::default(),
             rows: BTreeMap::new(),
             valid: None,
@@ -140,6 +144,9 @@ pub enum Disorder {
     Error,
     /// The row is skipped, and a warning reports the number of such rows.
     Skip,
+    /// Rows with one time are spread evenly up to the next time, and an earlier row is skipped. The rows of the first
+    /// time, of which some may be missing, are not used.
+    Spread,
 }
 
 /// The treatment of a cell without a number, such as nan or inf.

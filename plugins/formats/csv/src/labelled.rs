@@ -1,7 +1,7 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
 //! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX, TCX and KML.
 
-use crate::number::number;
+use crate::line::line;
 use crate::object::object;
 use crate::paths::bounded;
 use crate::transposed::{self, Columns};
@@ -12,100 +12,6 @@ use std::io::{BufRead, BufReader, Chain, Cursor, Read, Result};
 
 /// Bytes by which the form is found.
 const BEGINNING: u64 = 16 * 1024;
-/// Headings of a line's beginning: its date or time, and the kind of its record.
-const STAMP: &str = "stamp";
-const KIND: &str = "kind";
-
-/// Calls `found` with the name and the text of each value of a line. What precedes the first name
-/// is the stamp of the line, and the last word of it the kind, where it is no number. Names in brackets, as
-/// `accel=Vector(x=0.1)`, follow that of the brackets; digits alone at the end are the stamp of a line of InfluxDB.
-fn line(text: &str, mut found: impl FnMut(&str, &str)) {
-    let named = |c: char| c.is_alphanumeric() || ['_', '.', '[', ']'].contains(&c);
-    let (mut at, mut first, mut stamped) = (0, true, false);
-    let mut stems: Vec<&str> = Vec::new();
-    while let Some(mark) = text[at..].find(['=', ':']).map(|k| at + k) {
-        let before = text[at..mark].trim_end();
-        let name = before.rsplit(|c: char| !named(c)).next().unwrap_or_default();
-        let start = at + before.len() - name.len();
-        let closed = before.matches(')').count();
-        stems.truncate(stems.len().saturating_sub(closed));
-        at = mark + 1;
-        // otherwise it is the colon of a time
-        if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
-            continue;
-        }
-        if std::mem::take(&mut first) {
-            stamped = beginning(&text[..start], &mut found);
-        }
-        let value = text[at..].trim_start();
-        if let Some((numbers, used)) = several(value).filter(|_| stems.is_empty()) {
-            at = text.len() - value.len() + used;
-            for (k, number) in numbers.into_iter().enumerate() {
-                found(&format!("{name}.{k}"), number);
-            }
-            continue;
-        }
-        let end = |c: char| c.is_whitespace() || [',', ';', '}', '|', ')'].contains(&c);
-        let value = &value[..value.find(end).unwrap_or(value.len())];
-        at = text.len() - text[at..].trim_start().len() + value.len();
-        match value.split_once('(') {
-            Some((word, inner)) if word.chars().all(named) && !word.is_empty() => {
-                stems.push(name);
-                at -= inner.len();
-            }
-            _ if stems.is_empty() => found(name, value),
-            _ => found(&format!("{}.{name}", stems.join(".")), value),
-        }
-    }
-    let rest = text[at..].trim();
-    if !first && !stamped && rest.len() > 8 && rest.bytes().all(|b| b.is_ascii_digit()) {
-        found(STAMP, rest);
-    }
-}
-
-/// The three or four numbers at the beginning of a text that belong to one name, `gyro: 0.1, 0.2, 0.3`, and their length.
-fn several(text: &str) -> Option<(Vec<&str>, usize)> {
-    let separator = |c: char| c.is_whitespace() || matches!(c, ',' | ';');
-    let end = |c: char| separator(c) || matches!(c, ']' | ')' | '}' | '|');
-    let (mut at, mut numbers) = (usize::from(text.starts_with(['[', '('])), Vec::new());
-    loop {
-        let token = text[at..].trim_start_matches(separator);
-        let word = &token[..token.find(end).unwrap_or(token.len())];
-        if number(word).is_none() || numbers.len() > 4 {
-            break;
-        }
-        numbers.push(word);
-        at = text.len() - token.len() + word.len();
-        if text[at..].starts_with([']', ')']) {
-            break;
-        }
-    }
-    matches!(numbers.len(), 3 | 4).then_some((numbers, at))
-}
-
-/// The stamp and the kind in what precedes the names of a line; `true` if it has a stamp.
-fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
-    let text = text.trim_end_matches(['{', '(', ' ', '\t', ',', ';']);
-    let cut = text.rfind(char::is_whitespace).map_or(0, |k| k + 1);
-    let (stamp, kind) = match text.ends_with(|c: char| c.is_alphabetic()) {
-        true => text.split_at(cut),
-        false => (text, ""),
-    };
-    let stamp = stamp.trim().trim_end_matches(':');
-    // a stamp in brackets, beside the level of a message
-    let digit = |part: &&str| part.starts_with(|c: char| c.is_ascii_digit());
-    let groups = stamp.split(['[', ']', ',']).map(str::trim);
-    let inner = groups.filter(|_| stamp.contains(']')).find(digit);
-    let stamp = inner.unwrap_or(stamp);
-    if !stamp.is_empty() {
-        found(STAMP, stamp);
-    }
-    if !kind.is_empty() {
-        found(KIND, kind);
-    }
-    !stamp.is_empty()
-}
-
 /// The form of the records.
 enum Form {
     /// Objects of JSON, and lines.

@@ -1,5 +1,6 @@
 //! The samples of one file.
 
+mod rows;
 mod trailer;
 
 use crate::bounded::{Bounded, Form};
@@ -7,6 +8,7 @@ use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
 use crate::config::{Decimal, Delimiter, Disorder, FileConfig, Nan};
 use crate::counter::Counter;
 use crate::number;
+use crate::spread::Spread;
 use crate::stamp::TimeCell;
 use crate::suffixes::Suffixes;
 use crate::tail;
@@ -16,9 +18,9 @@ use crate::turned::Turned;
 use crate::unused::{Status, Tally, Unused};
 use crate::vectors::{Vectors, spread};
 use csv::{ByteRecord, Reader, ReaderBuilder};
-use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::SensorInfo;
-use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
+use navfuse_core::model::stream::{StreamError, StreamErrorKind};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_frames::validity::Judge;
@@ -75,6 +77,8 @@ pub struct Stream {
     changes_only: bool,
     /// Set if commas separate the cells.
     comma: bool,
+    /// The samples of one stamp, if they are spread up to the next one.
+    spread: Option<Spread>,
     last: Option<Sample>,
     end: Option<Time>,
     unused: Tally,
@@ -124,6 +128,7 @@ impl Stream {
             until: config.until,
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
             labels: config.labels.then(|| config.headings.clone()).flatten(),
+            stamps: config.stamps.clone().map(|mark| (mark, char::from(config.delimiter.byte()))),
         };
         if config.labels && config.headings.is_none() {
             let text = format!("files.{name}.labels needs the names of the values: set headings");
@@ -169,6 +174,7 @@ impl Stream {
             counter: Counter::default(),
             changes_only: config.changes_only,
             comma: config.delimiter == Delimiter::default(),
+            spread: (config.disorder == Disorder::Spread).then(Spread::default),
             last: None,
             end: None,
             unused: Tally::default(),
@@ -300,8 +306,9 @@ impl Stream {
         match self.counter.before() {
             // a row of another sensor may have the time of the row before
             _ if empty => {}
+            Some(before) if time == before && self.disorder == Disorder::Spread => {}
             Some(before) if time <= before => match self.disorder {
-                Disorder::Skip => return Ok(Row::Unused(Unused::Order)),
+                Disorder::Skip | Disorder::Spread => return Ok(Row::Unused(Unused::Order)),
                 Disorder::Error => return Err(self.out_of_order(before, time)),
             },
             _ => self.counter.go_on(time, period),
@@ -398,65 +405,5 @@ impl Stream {
         );
         let text = format!("{cell} {what}; {remedy}");
         Problem { kind: StreamErrorKind::Order, text, cut: false }
-    }
-}
-
-impl Source for Stream {
-    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        loop {
-            let line = self.reader.position().line();
-            let more = self.read_row();
-            let row = |e| StreamError::read(&self.path, e).on_line(line);
-            if !more.map_err(row)? {
-                return Ok(false);
-            }
-            match self.row(sample) {
-                Ok(Row::Sample) => return Ok(true),
-                Ok(Row::Empty) => {}
-                Ok(Row::Unused(why)) => {
-                    let line = if self.unused.has(why) { 0 } else { self.line() };
-                    self.unused.add(why, line);
-                }
-                Err(problem) => {
-                    let line = self.line();
-                    if problem.cut && self.ends_within_line() {
-                        self.cut = Some(format!(
-                            "{}:{line}: the file ends within this line, which is not used: \
-                             was it cut off?",
-                            self.path.display()
-                        ));
-                        return Ok(false);
-                    }
-                    if let Some(lines) = self.trailer() {
-                        let (path, last) = (self.path.display(), line + lines as u64 - 1);
-                        self.cut = Some(format!(
-                            "{path}: the lines {line} to {last} at the end are no rows and are not used"
-                        ));
-                        return Ok(false);
-                    }
-                    return Err(StreamError::of(problem.kind, problem.text)
-                        .in_file(&self.path)
-                        .on_line(line));
-                }
-            }
-        }
-    }
-
-    fn end(&self) -> Option<Time> {
-        self.end
-    }
-
-    fn schedule(&self) -> Vec<Event> {
-        let (time, about) = (Time::MIN, &self.name);
-        let note = self.note.clone();
-        let event = |(level, text)| Event { time, level, about: about.clone(), text };
-        note.map(event).into_iter().collect()
-    }
-
-    fn warning(&mut self) -> Option<String> {
-        let unused = std::mem::take(&mut self.unused).texts(&self.path);
-        let turns = self.counter.text(&self.path);
-        let texts: Vec<String> = unused.into_iter().chain(self.cut.take()).chain(turns).collect();
-        (!texts.is_empty()).then(|| texts.join("; "))
     }
 }

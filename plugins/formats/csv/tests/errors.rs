@@ -245,7 +245,7 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         ),
         (
             "disorder = \"ignore\"",
-            "disorder = \"ignore\": unknown value \"ignore\" (allowed: error, skip)",
+            "disorder = \"ignore\": unknown value \"ignore\" (allowed: error, skip, spread)",
         ),
         (
             "time = 5",

@@ -218,6 +218,38 @@ fn rows_out_of_order_are_left_out_where_asked_and_counted() {
 }
 
 #[test]
+fn rows_that_share_a_time_are_spread_evenly_up_to_the_next_one() {
+    // two rows of a first second that began before, four and five of the next, and two after a gap
+    let stamps = ["1", "1", "2", "2", "2", "2", "3", "3", "3", "3", "3", "7", "7"];
+    let rows: String = stamps.iter().enumerate().map(|(k, t)| format!("{t},{k},0,0\n")).collect();
+    let read = read_dvl(format!("{DVL_HEADER}{rows}1,9,9,9\n"), "disorder = \"spread\"").unwrap();
+    let millis: Vec<i64> = read.nanos().iter().map(|t| t / 1_000_000).collect();
+    // before the gap and at the end the interval is the last one
+    assert_eq!(millis, [2000, 2250, 2500, 2750, 3000, 3250, 3500, 3750, 4000, 7000, 7250]);
+    assert_eq!(read.values(0)[0], Some(2.0));
+    assert_eq!(read.warning.unwrap(), "dvl.csv:15: row is left out, not later than the row before");
+}
+
+#[test]
+fn a_hole_of_zeros_behind_the_rows_is_no_row() {
+    for zeros in [3000, 70_000, 3 << 20] {
+        let file = [DVL_HEADER.as_bytes(), b"1,1,2,3\n2,1,2,3\n", &vec![0; zeros]].concat();
+        let read = read_dvl(file, "").unwrap();
+        assert_eq!((read.nanos().len(), read.error), (2, None), "{zeros}");
+    }
+}
+
+#[test]
+fn the_stamps_of_a_terminal_are_cells() {
+    let rows = "22:13:20.010 -> 1,2,3\n22:13:20.020 -> 4,5,6\n";
+    let keys = "stamps = \"->\"\nheadings = [\"t\", \"vel_x_mps\", \"vel_y_mps\", \"vel_z_mps\"]\n\
+                time = { column = \"t\", format = \"time-of-day\" }";
+    let read = read_dvl(rows, keys).unwrap();
+    assert_eq!(read.nanos(), [80_000_010_000_000, 80_000_020_000_000]);
+    assert_eq!(read.values(1), one(&[4.0, 5.0, 6.0]));
+}
+
+#[test]
 fn a_clock_that_starts_again_from_zero_goes_on_and_one_that_was_reset_does_not() {
     let column = |unit: &str, stamps: &[&str]| {
         let rows: String = stamps.iter().map(|t| format!("{t},1,2,3\n")).collect();

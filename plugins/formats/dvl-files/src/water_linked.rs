@@ -89,7 +89,9 @@ impl Report {
     fn read(object: &[u8]) -> Option<Self> {
         let report: Self = serde_json::from_slice(object).ok()?;
         let velocity = report.velocity_valid.is_some() && report.transducers.is_some();
-        (report.kind.is_some() || velocity).then_some(report)
+        // other programs call their records velocities, too
+        let own = report.track().is_none() || report.velocity_valid.is_some();
+        ((report.kind.is_some() && own) || velocity).then_some(report)
     }
 
     /// The track of its velocity; `None` for a report without one.

@@ -5,6 +5,7 @@ mod clocks;
 mod exports;
 mod folders;
 mod labels;
+mod loggers;
 pub mod mounted;
 mod notations;
 mod positions;
@@ -201,4 +202,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&exports::PROGRAMS)
         .chain(&strangers::PROGRAMS)
         .chain(&notations::PROGRAMS)
+        .chain(&loggers::PROGRAMS)
 }

@@ -109,7 +109,9 @@ pub(super) fn beams(out: &mut Text, beams: &Beams, aimed: Option<&Aimed>) {
 /// The keys of a table.
 fn table(out: &mut Text, keys: &[String]) {
     keys.iter().for_each(|key| out.line(key));
-    out.line("disorder = \"skip\"");
+    if !keys.iter().any(|key| key.starts_with("disorder")) {
+        out.line("disorder = \"skip\"");
+    }
     out.line("nan = \"missing\"");
 }
 

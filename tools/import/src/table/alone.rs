@@ -1,9 +1,13 @@
 //! Headings that mean something beside others alone: axes, a height under water, parts of a degree.
 
 use super::columns::{ACCEL, Chosen, GYRO, Table};
+use super::units;
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
 use navfuse_core::document::quoted;
+
+/// Words of a pressure above the one at the surface.
+const GAUGE: [&str; 3] = ["sea", "gauge", "relative"];
 
 impl Table<'_> {
     /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
@@ -26,6 +30,7 @@ impl Table<'_> {
             () if self.has(&GYRO) && !self.has(&ACCEL) => "accel",
             () if of("m/s^2") => "accel",
             () if of("m/s") => "velocity",
+            () if of("rad/s") => "gyro",
             () => name,
         };
         let found = alone.iter().filter_map(|(k, (axis, sign), unit)| {
@@ -61,6 +66,24 @@ impl Table<'_> {
         let (mut questions, heading) = (Vec::new(), self.heading(*k));
         questions.push(format!("the column {heading} is taken for the depth"));
         let key = self.key(meaning.channel, "depth", None, &mut questions)?;
+        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+    }
+
+    /// A depth by the pressure of water; `None` for a pressure of air, and without one.
+    pub(super) fn pressure(&self) -> Option<Found> {
+        let (k, meaning) = self.find("pressure")?;
+        let (heading, values) = (self.heading(*k), self.layout.column(*k));
+        let (unit, by_size) = units::pressure(&values, meaning.unit.as_deref())?;
+        let gauge = vocabulary::words(heading).iter().any(|word| GAUGE.contains(&word.as_str()));
+        let absolute = by_size && !gauge;
+        let atmosphere = if absolute { "" } else { ", atmosphere = \"0 Pa\"" };
+        let column = quoted(heading);
+        let key = format!("columns.depth = {{ column = {column}, unit = \"{unit}\"{atmosphere} }}");
+        let side = if absolute { "above vacuum, with 101325 Pa at" } else { "above the one at" };
+        let mut questions = vec![format!("the pressure {heading} counts {side} the surface")];
+        if meaning.unit.is_none() {
+            questions.push(format!("the unit of {heading}: {unit} by its size"));
+        }
         Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
     }
 

@@ -62,6 +62,15 @@ pub struct Clock {
     pub questions: Vec<String>,
 }
 
+impl Clock {
+    /// Tests whether most rows have the time of the row before.
+    pub fn is_shared(&self) -> bool {
+        let times: Vec<f64> = self.seconds.iter().copied().filter(|t| t.is_finite()).collect();
+        let same = times.windows(2).filter(|t| t[0] == t[1]).count();
+        times.len() > 2 && 2 * same > times.len()
+    }
+}
+
 impl Table<'_> {
     /// The time: a date whose parts have columns of their own, seconds with nanoseconds beside them,
     /// or the first column that increases, in the order of the words for it.
@@ -76,17 +85,23 @@ impl Table<'_> {
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
         let in_words = |k: usize| cell(k).contains(':') || navfuse_csv::date(cell(k)).is_some();
         let counts = |k: usize| self.layout.rows.len() < 3 || increases(&self.layout.column(k));
+        let read = |(k, meaning): &(usize, Meaning)| match in_words(*k) {
+            true => self.date(*k, cell(*k)),
+            false => self.number(*k, meaning, usual),
+        };
+        let rises = |clock: &Clock| self.layout.rows.len() < 3 || increases(&clock.seconds);
         let named = |name| self.columns.iter().filter(move |(_, m)| m.channel == name);
         let mut times: Vec<&(usize, Meaning)> = named("time").collect();
         if times.is_empty() {
             times.extend(named("date").filter(|(k, _)| in_words(*k) || counts(*k)));
         }
         times.sort_by_key(|(k, m)| (!self.usual(*k, "time"), m.rank));
-        let found = times.iter().find(|(k, _)| in_words(*k) || counts(*k)).or(times.first());
-        match found {
-            Some((k, _)) if in_words(*k) => Ok(self.date(*k, cell(*k))),
-            Some((k, meaning)) => Ok(self.number(*k, meaning, usual)),
-            None => self.unnamed(usual),
+        // of two clocks the one that tells the rows apart
+        let found = times.iter().map(|time| read(time)).find(rises);
+        match (found, times.first()) {
+            (Some(clock), _) => Ok(clock),
+            (None, Some(first)) => Ok(read(first)),
+            (None, None) => self.unnamed(usual),
         }
     }
 
@@ -249,14 +264,20 @@ impl Table<'_> {
         Some(Clock { key: Some(key), seconds, questions: vec![question] })
     }
 
+    /// The column of the date that is nearest to the one of a time of the day.
+    fn date_beside(&self, time: usize) -> Option<usize> {
+        let dates = self.columns.iter().filter(|(_, m)| m.channel == "date").map(|(k, _)| *k);
+        dates.min_by_key(|k| k.abs_diff(time))
+    }
+
     /// The key of a time of the day beside a date of digits alone, `20231114` or `141123`, and a question.
     fn beside_digits(&self, k: usize) -> Option<(String, Option<String>)> {
-        let (date, _) = self.find("date")?;
-        let cells = || self.layout.rows.iter().filter_map(|row| row.get(*date));
+        let date = self.date_beside(k)?;
+        let cells = || self.layout.rows.iter().filter_map(|row| row.get(date));
         let digits = |count: usize| {
             cells().all(|c| c.len() == count && c.bytes().all(|b| b.is_ascii_digit()))
         };
-        let [column, heading] = [self.heading(k), self.heading(*date)].map(quoted);
+        let [column, heading] = [self.heading(k), self.heading(date)].map(quoted);
         let key = |order: &str| format!("time = {{ column = {column}, date = {heading}{order} }}");
         let part = |from: usize| cells().filter_map(move |c| c.get(from..from + 2)?.parse().ok());
         let most = |from: usize| part(from).max().unwrap_or(0_u8);
@@ -264,7 +285,7 @@ impl Table<'_> {
             () if digits(8) => Some((key(""), None)),
             // days of NMEA 0183, unless no day is possible
             () if digits(6) && most(0) <= 31 && most(2) <= 12 => {
-                let text = format!("the order of the dates in {} {GUESSED}", self.heading(*date));
+                let text = format!("the order of the dates in {} {GUESSED}", self.heading(date));
                 Some((key(", order = \"day-month-year\""), Some(text)))
             }
             () if digits(6) => Some((key(""), None)),
@@ -365,8 +386,8 @@ impl Table<'_> {
         let dated = ['-', '/', '.'].iter().any(|c| first.matches(*c).count() == 2);
         let key = if dated {
             format!("time = {{ column = {heading}, format = \"date-time\"{} }}", order(k))
-        } else if let Some((date, _)) = self.find("date") {
-            let (order, date) = (order(*date), quoted(self.heading(*date)));
+        } else if let Some(date) = self.date_beside(k) {
+            let (order, date) = (order(date), quoted(self.heading(date)));
             format!("time = {{ column = {heading}, date = {date}{order} }}")
         } else {
             questions.push(format!("the time {heading} has no date: it counts from midnight"));

@@ -72,7 +72,10 @@ impl<'a> Table<'a> {
         let mut columns: Vec<(usize, Meaning)> =
             layout.headings.iter().enumerate().filter_map(meant).collect();
         // beside lambda, phi is the latitude
-        let named = |k: usize, word: &str| vocabulary::words(&layout.headings[k]) == [word];
+        let named = |k: usize, word: &str| {
+            let name = layout.headings[k].split(['[', '(', '{']).next();
+            vocabulary::words(name.unwrap_or_default()) == [word]
+        };
         if columns.iter().any(|(k, _)| named(*k, "lambda")) {
             let phi = columns.iter_mut().filter(|(k, _)| named(*k, "phi"));
             phi.for_each(|(_, meaning)| meaning.channel = "lat");
@@ -204,14 +207,20 @@ impl<'a> Table<'a> {
         } else if self.has(&["yaw"]) && !self.has(&["roll"]) && (!inertial || self.repeats("yaw")) {
             sensors.push(self.other("dual-antenna", &["heading"]));
         }
-        if self.has(&["speed"]) && !place {
+        let along = self.has(&["vel_n", "vel_e"]);
+        // a speed with a course is one of a receiver
+        let moves = along || (sensors.is_empty() && self.has(&["speed", "course"]));
+        if self.has(&["speed"]) && !place && !moves {
             sensors.push(self.other("odometer", &["speed"]));
         }
-        if sensors.is_empty() && self.has(&["vel_n", "vel_e"]) {
+        if sensors.is_empty() && moves {
             sensors.push(self.other("velocity", &["vel_n", "vel_e", "vel_d", "s_acc"]));
         }
         if sensors.is_empty() {
             return Err(self.unknown());
+        }
+        if half && sensors.len() == 1 {
+            sensors[0].others = self.listed();
         }
         for found in &mut sensors {
             let usual = if found.kind == "imu" { IMU_INTERVAL } else { AID_INTERVAL };
@@ -236,6 +245,12 @@ impl<'a> Table<'a> {
             }
             if inertial && found.kind != "imu" && self.repeats(found.kind) {
                 found.source.push("changes_only = true".to_owned());
+            }
+            if ["imu", "gyros", "accels"].contains(&found.kind) && clock.is_shared() {
+                found.source.push("disorder = \"spread\"".to_owned());
+                found.questions.push(
+                    "rows that share a time are spread evenly up to the next time".to_owned(),
+                );
             }
             let shared = self.questions.iter().chain(&clock.questions).cloned();
             found.questions = shared.chain(found.questions.drain(..)).collect();
@@ -296,7 +311,14 @@ impl<'a> Table<'a> {
         let (k, meaning) = self.find(word)?;
         let si = vocabulary::si(word);
         if unit.is_none() && meaning.unit.is_none() {
-            questions.push(format!("the unit of {}: {si} is assumed", self.heading(*k)));
+            let heading = self.heading(*k);
+            questions.push(match self.unknown_unit(*k) {
+                Some(unit) => format!(
+                    "the unit of {heading}: {unit} is no unit that is known, and {si} is assumed: set the unit \
+                     of columns.{channel}"
+                ),
+                None => format!("the unit of {heading}: {si} is assumed"),
+            });
         }
         let stated = meaning.unit.as_deref();
         let unit = unit.or(stated).unwrap_or(si);
@@ -371,7 +393,11 @@ impl<'a> Table<'a> {
                 (None, "lat" | "lon" | "height")
                     if source.iter().any(|key| key.starts_with(&format!("columns.{channel} "))) => {
                 }
-                (Some((_, units::E7, _)), "height") if stated.is_none() && self.is_whole(*k) => {
+                (Some((_, units::E7, _)), "height")
+                    if stated.is_none()
+                        && self.is_whole(*k)
+                        && units::in_millimetres(&self.layout.column(*k)) =>
+                {
                     questions.push(format!(
                         "the unit of {heading}: mm, as whole numbers beside 1e-7 deg"
                     ));
@@ -416,33 +442,6 @@ impl<'a> Table<'a> {
         let velocity = self.has(&["vel_n", "vel_e"]) || !course.is_empty();
         source.extend(course);
         Found { kind, source, questions, velocity, ..Found::default() }
-    }
-
-    /// A depth by the pressure of water; `None` for a pressure of air, and without one.
-    fn pressure(&self) -> Option<Found> {
-        let (k, meaning) = self.find("pressure")?;
-        let (heading, values) = (self.heading(*k), self.layout.column(*k));
-        let (unit, absolute) = units::pressure(&values, meaning.unit.as_deref())?;
-        let atmosphere = if absolute { "" } else { ", atmosphere = \"0 Pa\"" };
-        let column = quoted(heading);
-        let key = format!("columns.depth = {{ column = {column}, unit = \"{unit}\"{atmosphere} }}");
-        let side = if absolute { "above vacuum, with 101325 Pa at" } else { "above the one at" };
-        let mut questions = vec![format!("the pressure {heading} counts {side} the surface")];
-        if meaning.unit.is_none() {
-            questions.push(format!("the unit of {heading}: {unit} by its size"));
-        }
-        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
-    }
-
-    /// The keys of a position in Earth-fixed axes.
-    fn earth_fixed(&self) -> Vec<String> {
-        let [x, y, z] = ECEF.map(|channel| self.find(channel).map_or(0, |(k, _)| *k));
-        let key = |channel: &str| {
-            let heading = quoted(self.heading(x));
-            format!("columns.{channel} = {{ column = {heading}, notation = \"earth-fixed\" }}")
-        };
-        let beside = y == x + 1 && z == x + 2;
-        if beside { ["lat", "lon", "height"].map(key).to_vec() } else { Vec::new() }
     }
 }
 

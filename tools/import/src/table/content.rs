@@ -5,7 +5,7 @@ use super::columns::{ACCEL, DTHETA, DVEL, GYRO};
 use super::layout::Layout;
 use super::place;
 use super::units::{self, median};
-use super::vocabulary::meaning;
+use super::vocabulary::{meaning, words};
 
 /// What is asked of a table whose columns have no headings.
 pub const BY_CONTENT: &str = "named by their content";
@@ -62,6 +62,21 @@ pub fn headings(layout: &Layout) -> Option<(Vec<String>, String)> {
     let names = names(layout)?;
     let question = format!("the columns are {BY_CONTENT}: {}", names.join(", "));
     Some((names, question))
+}
+
+/// The headings of a table without, of a time and three numbers, by the name of its file: `gyro.txt`.
+pub fn by_file(layout: &Layout, name: &str) -> Option<(Vec<String>, String)> {
+    let time = (layout.width() == 4 && increases(&layout.column(0))).then(|| "time".to_owned());
+    let axes = |word: &String| {
+        let names = ["x", "y", "z"].map(|axis| format!("{word} {axis}"));
+        let channel = meaning(&names[0])?.channel;
+        [GYRO[0], ACCEL[0]].contains(&channel).then_some(names)
+    };
+    let names = words(name).iter().filter(|word| word.len() > 2).find_map(axes)?;
+    let names: Vec<String> = time.into_iter().chain(names).collect();
+    let question =
+        format!("the columns are {BY_CONTENT} and the name of the file: {}", names.join(", "));
+    (names.len() == 4).then_some((names, question))
 }
 
 fn names(layout: &Layout) -> Option<Vec<String>> {

@@ -1,6 +1,7 @@
 //! The layout of a table: its separator, the lines before its rows, its headings and its rows.
 
 mod parts;
+mod preamble;
 mod vectors;
 
 use super::sentinel;
@@ -10,8 +11,8 @@ use std::collections::HashMap;
 
 /// Largest number of lines by which the layout is found.
 const LINES: usize = 4000;
-/// Filled cells of a line of units for each word that is no unit.
-const WORDS: usize = 8;
+/// Filled cells of a line of units for each word that is no unit, below a line of headings.
+const WORDS: usize = 3;
 /// Least number of known headings in a line that lines without any may follow.
 const KNOWN: usize = 3;
 /// Longest date, or time of the day.
@@ -205,14 +206,17 @@ impl Layout {
             let fits = uncommented(line).is_none() && cells.len() == width;
             Some(cells).filter(|cells| fits && numbers(cells).is_some())
         };
-        let first = lines.iter().position(|line| row(line).is_some())?;
-        let rows: Vec<Vec<String>> = lines.iter().filter_map(row).collect();
+        let numbered = lines.iter().enumerate().filter_map(|(k, line)| Some((k, row(line)?)));
+        let mut rows: Vec<(usize, Vec<String>)> = numbered.collect();
+        rows.drain(..preamble::length(&rows));
+        let (first, _) = *rows.first()?;
+        let rows: Vec<Vec<String>> = rows.into_iter().map(|(_, row)| row).collect();
         let mut layout = Self { delimiter, decimal_comma, rows, before: first, ..Self::default() };
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
         layout.spread();
-        let of_table = lines.iter().filter(|line| row(line).is_some());
+        let of_table = lines[first..].iter().filter(|line| row(line).is_some());
         layout.find_units(of_table.copied()).then_some(layout)
     }
 
@@ -241,6 +245,10 @@ impl Layout {
     /// Finds the headings and the units in the lines before the rows.
     fn find_headings(&mut self, before: &[&str], width: usize) {
         let ends_empty = self.rows.iter().all(|row| row.last().is_some_and(String::is_empty));
+        if let Some(headings) = preamble::described(before, width) {
+            (self.headings, self.given, self.skip) = (unique(&headings), true, before.len());
+            return;
+        }
         let cells = |line: &str| -> Option<Vec<String>> {
             let text = uncommented(line).map_or(line, |(_, rest)| rest);
             let separators = [self.delimiter, Some(','), Some(';'), Some('\t'), None];

@@ -23,6 +23,7 @@ mod rtklib;
 mod sections;
 mod sentinel;
 mod stamps;
+mod terminal;
 mod track;
 mod triples;
 mod units;
@@ -47,6 +48,11 @@ use vocabulary::meaning;
 /// # Errors
 /// With the reason why no sensor is recognised.
 pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
+    of_text(beginning, name, true)
+}
+
+/// The same; with `stamps`, a terminal program may have written one before each line.
+fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, String> {
     if beginning.trim().is_empty() {
         return Err("the file is empty".to_owned());
     }
@@ -58,6 +64,13 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     }
     if let Some(found) = labelled::sensors(beginning, name) {
         return found;
+    }
+    if let Some((text, mark)) = terminal::without_stamps(beginning).filter(|_| stamps) {
+        let mut found = of_text(&text, name, false)?;
+        for sensor in &mut found {
+            sensor.source.push(format!("stamps = \"{mark}\""));
+        }
+        return Ok(found);
     }
     if let Some(found) = sections::sensors(beginning, name) {
         return Ok(found);
@@ -78,7 +91,8 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
         if let Some(found) = plain::without_headings(&layout) {
             return Ok(vec![found]);
         }
-        let Some((headings, question)) = content::headings(&layout) else {
+        let found = content::headings(&layout).or_else(|| content::by_file(&layout, name));
+        let Some((headings, question)) = found else {
             return Err("its first line holds numbers, not headings, and no columns look like a \
                         time with a specific force and angular rates, or with positions: write \
                         the headings with their units into the first line, or describe the \
@@ -147,8 +161,13 @@ mod tests {
             "columns.accel_z = { column = \"az\", unit = \"m/s^2\" }",
         ];
         assert_eq!((found.kind, found.source), ("imu", keys.map(str::to_owned).to_vec()));
-        let asked = ["wz: rad/s", "ay (furlong): m/s^2", "az: m/s^2"];
-        assert_eq!(found.questions, asked.map(|q| format!("the unit of {q} is assumed")));
+        let asked = [
+            "the unit of wz: rad/s is assumed",
+            "the unit of ay (furlong): furlong is no unit that is known, and m/s^2 is assumed: set the \
+             unit of columns.accel_y",
+            "the unit of az: m/s^2 is assumed",
+        ];
+        assert_eq!(found.questions, asked);
     }
 
     #[test]
@@ -176,6 +195,75 @@ mod tests {
         let found = recognise(&text.replace(" (mph)", ""), "").unwrap().remove(0);
         let key = key.replace(" (mph)", "");
         assert!(found.source.contains(&key), "{:?}", found.source);
+    }
+
+    /// The keys and questions of a table, and the reason why one is refused.
+    fn told(text: &str) -> String {
+        match recognise(text, "") {
+            Ok(found) => {
+                let of = |f: &Found| {
+                    [vec![f.kind.to_owned()], f.source.clone(), f.questions.clone()].concat()
+                };
+                found.iter().flat_map(of).collect::<Vec<_>>().join("\n")
+            }
+            Err(why) => why,
+        }
+    }
+
+    #[test]
+    fn heights_beside_1e_7_degrees_are_millimetres_only_where_they_are_no_metres() {
+        let table = |height: fn(i32) -> i32| {
+            let row = |k: i32| {
+                format!("{k},{},{},{}\n", 481_000_000 + 90 * k, 115_000_000 + 80 * k, height(k))
+            };
+            "time_s,latE7,lonE7,altitude\n".to_owned() + &(0..40).map(row).collect::<String>()
+        };
+        assert!(told(&table(|k| 500 + k % 3)).contains("altitude: m is assumed"));
+        assert!(told(&table(|k| 500_000 + k % 3)).contains("altitude: mm"));
+        // beside the sea, in mm
+        assert!(told(&table(|k| 1500 + 400 * (k % 3))).contains("altitude: mm"));
+    }
+
+    #[test]
+    fn a_clock_of_whole_seconds_gives_way_to_a_finer_one() {
+        let row = |k: usize| {
+            format!("2023-11-14 22:13:2{},{}.{k:02},1,2,3\n", k / 50, 1_700_000_000 + k / 100)
+        };
+        let text = "Timestamp,Unix Time,vel_x_mps,vel_y_mps,vel_z_mps\n".to_owned()
+            + &(0..99).map(row).collect::<String>();
+        assert!(told(&text).contains("time = { column = \"Unix Time\""), "{}", told(&text));
+    }
+
+    #[test]
+    fn comments_that_describe_the_columns_one_by_one_are_headings() {
+        let head = "* Sea-Bird SBE 49\n# name 0 = timeS: Time, Elapsed [seconds]\n# name 1 = prDM: Pressure, \
+                    Digiquartz [db]\n# name 2 = t090C: Temperature [ITS-90, deg C]\n*END*\n";
+        let row = |k: usize| {
+            format!("{:11.3}{:11.4}{:11.4}\n", k as f64 / 2.0, 10.0 + k as f64 / 9.0, 8.1)
+        };
+        let text = told(&(head.to_owned() + &(0..40).map(row).collect::<String>()));
+        assert!(
+            text.contains("column = \"Sea Pressure [db]\", unit = \"dbar\", atmosphere = \"0 Pa\""),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_log_with_one_value_in_each_row_is_refused_with_its_names() {
+        let names = ["GYRO_X", "GYRO_Y", "GYRO_Z", "ACC_X", "ACC_Y", "ACC_Z"];
+        let row =
+            |k: usize| format!("{:.3}  IMU_{}   iIMU   0.{k}\n", k as f64 / 600.0, names[k % 6]);
+        let text = "%% LOGSTART 1700000000\n".to_owned() + &(0..90).map(row).collect::<String>();
+        assert!(
+            told(&text).contains("each row has one value, which its second cell names (IMU_GYRO_X")
+        );
+    }
+
+    #[test]
+    fn coordinates_of_the_earth_in_kilometres_are_found_by_their_size() {
+        let row = |k: usize| format!("{k},{:.6},{:.6},4728.0\n", 4177.0 + k as f64 / 1e3, 855.0);
+        let text = "t,X (km),Y (km),Z (km)\n".to_owned() + &(0..20).map(row).collect::<String>();
+        assert!(told(&text).contains("notation = \"earth-fixed\", scale = 1e3"), "{}", told(&text));
     }
 
     proptest! {

@@ -192,7 +192,12 @@ impl Table<'_> {
         let (heading, stated) = (self.heading(*speed), meaning.unit.clone());
         let unit = match by_track {
             Some(shown) => Some(settle(heading, stated, shown, true, questions)),
-            None => stated,
+            None => {
+                if stated.is_none() {
+                    questions.push(format!("the unit of {heading}: m/s is assumed"));
+                }
+                stated
+            }
         };
         let more = format!(", course = {}", quoted(self.heading(*course)));
         let key = |channel: &str| {
@@ -203,6 +208,22 @@ impl Table<'_> {
         ["vel_n", "vel_e"].into_iter().filter_map(key).collect()
     }
 
+    /// The keys of a position in Earth-fixed axes.
+    pub(super) fn earth_fixed(&self) -> Vec<String> {
+        let [x, y, z] = ECEF.map(|channel| self.find(channel).map_or(0, |(k, _)| *k));
+        let unit = self.find(ECEF[0]).and_then(|(_, m)| m.unit.as_deref()).unwrap_or("m");
+        let size = units::factor(unit);
+        let scale = if size == 1.0 { String::new() } else { format!(", scale = {size:e}") };
+        let key = |channel: &str| {
+            let heading = quoted(self.heading(x));
+            format!(
+                "columns.{channel} = {{ column = {heading}, notation = \"earth-fixed\"{scale} }}"
+            )
+        };
+        let beside = y == x + 1 && z == x + 2;
+        if beside { ["lat", "lon", "height"].map(key).to_vec() } else { Vec::new() }
+    }
+
     /// Names three columns in a row that are coordinates of the Earth by their distance from its centre, in a table
     /// without another position.
     pub(super) fn name_earth_fixed(&mut self) {
@@ -211,11 +232,11 @@ impl Table<'_> {
         }
         let columns: Vec<Vec<f64>> =
             (0..self.layout.width()).map(|k| self.layout.column(k)).collect();
-        let on_surface = |first: usize| {
+        let on_surface = |(first, size): (usize, f64)| {
             let far = |row: usize| {
                 let point =
                     [0, 1, 2].map(|k| columns[first + k].get(row).copied().unwrap_or(f64::NAN));
-                let norm = point.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let norm = size * point.iter().map(|x| x * x).sum::<f64>().sqrt();
                 norm.is_nan().then_some(false).or(Some(SURFACE.contains(&norm)))
             };
             let rows = self.layout.rows.len();
@@ -223,11 +244,15 @@ impl Table<'_> {
             // a receiver without a fix has zeros
             rows > 1 && fits as f64 > 0.5 * rows as f64
         };
-        let Some(first) = (0..columns.len().saturating_sub(2)).find(|k| on_surface(*k)) else {
-            return;
-        };
+        let found = ["m", "km"].into_iter().find_map(|unit| {
+            let mut places = 0..columns.len().saturating_sub(2);
+            Some((places.find(|k| on_surface((*k, units::factor(unit))))?, unit))
+        });
+        let Some((first, unit)) = found else { return };
         self.columns.retain(|(k, _)| !(first..first + 3).contains(k));
-        let named = |(k, channel)| (first + k, Meaning { channel, unit: None, sign: 1.0, rank: 0 });
+        let named = |(k, channel)| {
+            (first + k, Meaning { channel, unit: Some(unit.to_owned()), sign: 1.0, rank: 0 })
+        };
         self.columns.extend(ECEF.into_iter().enumerate().map(named));
     }
 }

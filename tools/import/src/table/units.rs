@@ -106,9 +106,9 @@ pub fn same(a: &str, b: &str) -> bool {
     (factor(a) / factor(b) - 1.0).abs() < 0.03
 }
 
-/// The factor of a unit to SI; one for an unknown unit.
+/// The factor of a unit to SI; NaN for an unknown unit, which nothing fits.
 pub fn factor(unit: &str) -> f64 {
-    parse_unit(unit).map_or(1.0, |u| u.to_si(1.0))
+    parse_unit(unit).map_or(f64::NAN, |u| u.to_si(1.0))
 }
 
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
@@ -350,11 +350,23 @@ pub fn speed(velocities: &[[f64; 3]]) -> &'static str {
     }
 }
 
+/// The largest height of a vehicle, m, and the usual step from fix to fix beyond which heights are no metres.
+const HIGHEST: f64 = 9_000.0;
+const STEPS: f64 = 30.0;
+
 /// Parts of a degree that programs count, from the largest.
 const PARTS: [f64; 3] = [E7, 1e-8, 1e-9];
 /// Degrees of the integers of latitudes and longitudes: 1e-7, and semicircles, 2^31 of which are 180.
 pub const E7: f64 = 1e-7;
 pub const SEMICIRCLE: f64 = 180.0 / 2_147_483_648.0;
+
+/// Tests whether whole numbers of a height are millimetres: they are too large for metres, or no fixes are so far from
+/// each other in metres.
+pub fn in_millimetres(heights: &[f64]) -> bool {
+    let largest = heights.iter().filter(|h| h.is_finite()).fold(0.0, |a: f64, h| a.max(h.abs()));
+    let steps = heights.windows(2).map(|h| (h[1] - h[0]).abs()).filter(|step| *step > 0.0);
+    largest > HIGHEST || median(steps) > STEPS
+}
 
 /// Tests whether the largest latitude and longitude may be minutes of an arc.
 pub fn in_minutes(lat: f64, lon: f64) -> bool {

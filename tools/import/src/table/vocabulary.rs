@@ -45,7 +45,7 @@ pub fn words(heading: &str) -> Vec<String> {
 
 /// The units that programs write, as an expression.
 pub fn expression(text: &str) -> Option<String> {
-    let clean = text.trim().trim_matches(['(', ')', '[', ']']).trim();
+    let clean = text.trim().trim_matches(['(', ')', '[', ']', '{', '}']).trim();
     let known = match clean.to_ascii_lowercase().as_str() {
         "g" | "gee" => Some("g"),
         "mg" => Some("mg"),
@@ -73,6 +73,7 @@ pub fn expression(text: &str) -> Option<String> {
         "msec" | "millisecond" | "milliseconds" => Some("ms"),
         "usec" | "microsecond" | "microseconds" | "μs" | "µs" => Some("us"),
         "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
+        "days" | "tage" | "jours" | "dias" | "giorni" | "dagen" => Some("day"),
         "meter" | "meters" | "metres" => Some("m"),
         "kpa" => Some("kPa"),
         "psig" | "psia" => Some("psi"),
@@ -81,7 +82,7 @@ pub fn expression(text: &str) -> Option<String> {
         "ft" | "feet" | "foot" => Some("ft"),
         "ft/sec" | "fps" => Some("ft/s"),
         "fathom" | "fathoms" | "fm" | "ftm" => Some("6*ft"),
-        "dbars" | "decibar" | "decibars" => Some("dbar"),
+        "db" | "dbars" | "decibar" | "decibars" => Some("dbar"),
         "atmosphere" | "atmospheres" => Some("atm"),
         _ => None,
     };
@@ -121,6 +122,9 @@ const DIRECTIONS: [(&str, &str, f64); 4] = [
     ("down", "vel_d", 1.0),
     ("up", "vel_d", -1.0),
 ];
+/// Words for a receiver, and the beginnings of the channels of an inertial unit.
+const RECEIVER: [&str; 3] = ["gps", "gnss", "rtk"];
+const INERTIAL: [&str; 2] = ["gyro_", "accel_"];
 /// Increments, and the rates that they are where their unit is one of a rate.
 const RATES: [(&str, &str); 6] = [
     ("dtheta_x", "gyro_x"),
@@ -212,7 +216,8 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
         let index = inner.trim().parse::<usize>().is_ok();
         (!index).then(|| (format!("{name} {after}"), inner.to_owned()))
     };
-    let (name, stated) = match bracket('[', ']').or_else(|| bracket('(', ')')) {
+    let bracketed = bracket('[', ']').or_else(|| bracket('(', ')'));
+    let (name, stated) = match bracketed.or_else(|| bracket('{', '}')) {
         // the time of a week, in weeks and in their seconds
         Some((_, unit)) if unit.to_lowercase().ends_with("week") => (unit, None),
         Some((name, unit)) => (name, Some(unit)),
@@ -233,7 +238,12 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
             follows.then_some(Meaning { rank: meaning.rank + BEHIND * k, ..meaning })
         })
     });
+    // accelerations that a receiver derives from its velocity are no specific forces
+    let derived = words.iter().any(|w| RECEIVER.contains(&w.as_str()));
     meaning.map(|meaning| {
+        let inertial = INERTIAL.iter().any(|vector| meaning.channel.starts_with(vector));
+        let rank = meaning.rank + if derived && inertial { BEHIND } else { 0 };
+        let meaning = Meaning { rank, ..meaning };
         let angle = ["lat", "lon"].contains(&meaning.channel);
         let sign = if negative && angle { -meaning.sign } else { meaning.sign };
         Meaning { sign, ..meaning }
@@ -269,11 +279,13 @@ fn without_side(unit: &str) -> (String, bool) {
 
 /// The axis that a heading names alone, its sign, and the unit in its brackets.
 pub fn axis(heading: &str) -> Option<(usize, f64, Option<String>)> {
-    let (name, unit) = heading.split_once(['[', '(']).unwrap_or((heading, ""));
-    let words = words(name).concat();
+    let (name, unit) = heading.split_once(['[', '(', '{']).unwrap_or((heading, ""));
+    let mut words = words(name);
+    words.retain(|word| word != "axis");
+    let words = words.concat();
     let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == words)?;
     let named = words.parse::<usize>().is_err();
-    named.then(|| (*axis, *sign, expression(unit.trim_end_matches([']', ')', ' ']))))
+    named.then(|| (*axis, *sign, expression(unit.trim_end_matches([']', ')', '}', ' ']))))
 }
 
 /// The axis that the words of a heading name, without the unit in its brackets.
@@ -307,7 +319,8 @@ fn read(words: &[String], stated: Option<&str>) -> Option<Meaning> {
         let unit = unit.and_then(|unit| fitting(unit, si(channel)));
         Some(Meaning { channel, unit, sign, rank })
     };
-    let index = words.last().filter(|w| w.parse::<usize>().is_ok()).cloned();
+    let last = |w: &&String| w.parse::<usize>().is_ok() || ["x", "y", "z"].contains(&w.as_str());
+    let index = words.last().filter(last).cloned();
     let body = &words[..words.len() - usize::from(index.is_some())];
     // the longest end of the heading that is a unit
     let ending = (1..body.len()).find_map(|at| {

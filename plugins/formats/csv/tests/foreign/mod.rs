@@ -102,6 +102,20 @@ fn a_position_is_the_same_in_every_notation() {
 }
 
 #[test]
+fn earth_fixed_coordinates_in_kilometres_have_a_scale() {
+    let keys = |scale: &str| {
+        ["lat", "lon", "height"]
+            .map(|c| {
+                format!("columns.{c} = {{ column = \"x\", notation = \"earth-fixed\"{scale} }}\n")
+            })
+            .concat()
+    };
+    let metres = place("x,y,z", "4177000.5,855000.25,4728000.125", &keys(""));
+    let kilometres = place("x,y,z", "4177.0005,855.00025,4728.000125", &keys(", scale = 1e3"));
+    assert!(metres.iter().zip(kilometres).all(|(a, b)| (a - b).abs() < 1e-8));
+}
+
+#[test]
 fn a_speed_with_a_course_is_a_velocity_north_and_east() {
     let keys = "columns.vel_n = { column = \"v\", unit = \"kn\", course = \"c\" }\n\
                 columns.vel_e = { column = \"v\", unit = \"kn\", course = \"c\" }";

@@ -64,7 +64,7 @@ impl Sqlite {
         faults: &mut Faults,
     ) -> Result<std::result::Result<Self, String>> {
         let Some(mut pages) = Pages::new(file)? else {
-            return Ok(Err("its header is damaged".to_owned()));
+            return Ok(Err("it is a database of SQLite whose header is damaged".to_owned()));
         };
         let mut tables = BTreeMap::new();
         let (mut schema, mut row) = (Table::new(1), Row::default());
@@ -87,7 +87,7 @@ impl Sqlite {
             let names: Vec<&str> = tables.keys().map(String::as_str).take(8).collect();
             let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
             return Ok(Err(format!(
-                "it has not the tables topics and messages of a bag; its tables: {names}"
+                "it is a database of SQLite without the tables topics and messages of a bag; its tables: {names}"
             )));
         };
         let mut definitions = BTreeMap::new();

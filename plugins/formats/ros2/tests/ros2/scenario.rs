@@ -128,7 +128,7 @@ fn what_does_not_fit_is_an_error_with_a_remedy() {
     for (name, content, words) in [
         ("text.mcap", "not a bag", "neither MCAP nor SQLite"),
         ("empty.db3", "", "the file is empty"),
-        ("short.db3", "SQLite format 3\0", "its header is damaged"),
+        ("short.db3", "SQLite format 3\0", "whose header is damaged"),
     ] {
         std::fs::write(folder.path().join(name), content).unwrap();
         let keys = format!("path = {name:?}\nsensors.imu = {{ topic = \"/imu\" }}");

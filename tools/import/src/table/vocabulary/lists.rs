@@ -107,10 +107,13 @@ pub const FOLLOWING: [&str; 20] = [
 pub const BEHIND: usize = 100;
 
 /// Words for a number: its channel, its SI unit, and the sign.
-pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
-    ("gyro_x", "rad/s", 1.0, &["rollrate", "p", "rollvelocity"]),
-    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q", "pitchvelocity"]),
-    ("gyro_z", "rad/s", 1.0, &["yawrate", "r", "yawvelocity"]),
+pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
+    ("gyro_x", "rad/s", 1.0, &["rollrate", "p", "rollvelocity", "wankrate", "vitessederoulis"]),
+    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q", "pitchvelocity", "nickrate", "vitessedetangage"]),
+    ("gyro_z", "rad/s", 1.0, &["yawrate", "r", "yawvelocity", "gierrate", "vitessedelacet"]),
+    ("accel_x", "m/s^2", 1.0, &["längsbeschleunigung", "laengsbeschleunigung"]),
+    ("accel_y", "m/s^2", 1.0, &["querbeschleunigung"]),
+    ("accel_z", "m/s^2", 1.0, &["vertikalbeschleunigung", "hochbeschleunigung"]),
     ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd"]),
     (
         "lon",
@@ -253,6 +256,12 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
         &[
             "speed",
             "wheelspeed",
+            "wheelspeedrl",
+            "wheelspeedrr",
+            "wheelspeedfl",
+            "wheelspeedfr",
+            "vehiclespeed",
+            "vehspd",
             "odometerspeed",
             "groundspeed",
             "speedoverground",
@@ -315,6 +324,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 33] = [
             "times",
             "sampletimefine",
             "timeseconds",
+            "epoc",
             "seconds",
             "elapsed",
             "elapsedtime",

@@ -63,6 +63,12 @@ fn headings_of_many_programs_mean_a_channel_and_a_unit() {
         ("llh[2] [m]", "height", Some("m"), 1.0),
         ("geometry.coordinates.0", "lon", None, 1.0),
         ("v_ned[1]", "vel_e", None, 1.0),
+        ("omega_x{deg/s}", "gyro_x", Some("deg/s"), 1.0),
+        ("data.velocity_mm_s.x", "vel_x", Some("mm/s"), 1.0),
+        ("accel_m_s2_z", "accel_z", Some("m/s^2"), 1.0),
+        ("Gierrate (deg/s)", "gyro_z", Some("deg/s"), 1.0),
+        ("Längsbeschleunigung (m/s2)", "accel_x", Some("m/s^2"), 1.0),
+        ("axb", "accel_x", None, 1.0),
     ] {
         let m = meaning(heading).unwrap_or_else(|| panic!("{heading}"));
         let unit = unit.map(str::to_owned);

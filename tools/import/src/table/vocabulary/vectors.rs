@@ -115,10 +115,14 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
 ];
 
 /// Words for the axes of a vector, with the sign towards forward, right, down.
-pub const AXES: [(&str, usize, f64); 18] = [
+pub const AXES: [(&str, usize, f64); 21] = [
     ("x", 0, 1.0),
     ("y", 1, 1.0),
     ("z", 2, 1.0),
+    // of the body
+    ("xb", 0, 1.0),
+    ("yb", 1, 1.0),
+    ("zb", 2, 1.0),
     ("0", 0, 1.0),
     ("1", 1, 1.0),
     ("2", 2, 1.0),

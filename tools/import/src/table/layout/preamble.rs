@@ -1,0 +1,42 @@
+//! Lines before the rows that resemble rows, and comments that describe the columns one by one.
+
+use super::{is_number, uncommented};
+
+/// Share of the rows with a number in a column that then has no words, and the least number of rows.
+const SHARE: f64 = 0.9;
+const LEAST: usize = 20;
+
+/// The number of rows of a preamble at the beginning, `Samples 100 100`: they have words in columns of numbers.
+pub(super) fn length(rows: &[(usize, Vec<String>)]) -> usize {
+    let width = rows.first().map_or(0, |(_, row)| row.len());
+    let number = |cell: &String| cell.is_empty() || navfuse_csv::is_absent(cell) || is_number(cell);
+    let of_numbers = |k: &usize| {
+        let count = rows.iter().filter(|(_, row)| row.get(*k).is_some_and(number)).count();
+        count as f64 > SHARE * rows.len() as f64
+    };
+    if rows.len() < LEAST {
+        return 0;
+    }
+    let columns: Vec<usize> = (0..width).filter(of_numbers).collect();
+    let fits = |row: &[String]| columns.iter().all(|k| row.get(*k).is_some_and(number));
+    rows.iter().position(|(_, row)| fits(row)).unwrap_or(0)
+}
+
+/// The headings that comments describe one by one, as Sea-Bird writes them: `# name 1 = prDM: Pressure, Digiquartz [db]`.
+pub(super) fn described(before: &[&str], width: usize) -> Option<Vec<String>> {
+    let heading = |line: &&str| -> Option<(usize, String)> {
+        let (index, title) = uncommented(line)?.1.strip_prefix("name ")?.split_once('=')?;
+        let title = title.split_once(':').map_or(title, |(_, title)| title);
+        let name = title.split([',', '[']).next().unwrap_or_default().trim();
+        // the unit follows a remark: `[salt water, m]`
+        let unit = title.split_once('[').and_then(|(_, rest)| rest.split_once(']'));
+        let unit = unit.and_then(|(unit, _)| unit.rsplit(',').next()).map(str::trim);
+        let unit = unit.map_or_else(String::new, |unit| format!(" [{unit}]"));
+        // it has subtracted the pressure of the air
+        let name = if name == "Pressure" { "Sea Pressure" } else { name };
+        Some((index.trim().parse().ok()?, format!("{name}{unit}")))
+    };
+    let found: Vec<(usize, String)> = before.iter().filter_map(heading).collect();
+    let counts = found.iter().enumerate().all(|(k, (index, _))| k == *index);
+    (found.len() == width && counts).then(|| found.into_iter().map(|(_, name)| name).collect())
+}
