@@ -13,6 +13,7 @@ mod drivers;
 mod imu_faults;
 mod kinematic;
 mod late;
+mod long_way;
 mod names;
 mod navigation;
 mod noise_free;

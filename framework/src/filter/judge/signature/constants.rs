@@ -7,7 +7,7 @@ use crate::compose::Composition;
 use crate::model::sensor::Sensor;
 use crate::state::manifold::Rotation;
 use crate::state::{Block, Layout};
-use crate::units::sample::Channel;
+use crate::units::sample::{Channel, MAX_CHANNELS};
 use std::any::TypeId;
 
 /// Sigma of a scale factor of the driving sensor, and of the turn of its axes in rad, before any evidence: the
@@ -77,10 +77,44 @@ pub(super) fn scaled(composition: &Composition) -> Vec<bool> {
     composition.sensors.iter().map(owns).collect()
 }
 
+/// Mean of a channel in its sigma below which its noise may make it up.
+const ABOVE: f64 = 5.0;
+
 /// The scale factors and the turns of the axes of the driving sensor, whose channels have biases in rows.
-pub(super) fn inputs(composition: &Composition) -> Option<(usize, Vec<Shares>)> {
+#[derive(Clone)]
+pub(super) struct Inputs {
+    /// Index of the sensor.
+    sensor: usize,
+    /// Shares of its channels in the rows of its biases, by error.
+    pub(super) shares: Vec<Shares>,
+    /// Root spectral densities of the noise of its channels.
+    noise: Vec<f64>,
+}
+
+impl Inputs {
+    pub(super) fn components(&self) -> impl Iterator<Item = Component> {
+        let (sensor, kind, component) = (self.sensor, Kind::Input, 0);
+        (0..self.shares.len()).map(move |of| Component { kind, of, component, sensor })
+    }
+
+    /// The means of the channels over a time, s, and zero for those that their noise may make up. The noise of a gyro
+    /// is in the attitude as well, as if its scale factor were off by all of it: in six hours straight on, that would
+    /// be evidence of 16 sigma (errors in variables, Fuller 1987).
+    pub(super) fn above_noise(
+        &self,
+        means: &[f64; MAX_CHANNELS],
+        duration: f64,
+    ) -> [f64; MAX_CHANNELS] {
+        let limit = |k: usize| ABOVE * self.noise.get(k).map_or(0.0, |n| n / duration.sqrt());
+        std::array::from_fn(|k| if means[k].abs() > limit(k) { means[k] } else { 0.0 })
+    }
+}
+
+/// The scale factors and the turns of the axes of the driving sensor, if the noise of its channels is known.
+pub(super) fn inputs(composition: &Composition) -> Option<Inputs> {
     let process = composition.processes.iter().find(|process| process.input.is_some())?;
     let sensor = process.input?;
+    let noise = process.screening.as_ref()?.channels.iter().map(|c| c.noise).collect();
     let blocks = process.biases.iter().map(|slot| &composition.layout.blocks[*slot]);
     let rows: Vec<usize> = blocks.flat_map(Block::tangent_range).collect();
     let Sensor { info, .. } = &composition.sensors[sensor];
@@ -100,7 +134,7 @@ pub(super) fn inputs(composition: &Composition) -> Option<(usize, Vec<Shares>)> 
     };
     let turns = (0..rows.len() / 3).flat_map(|first| (0..3).map(move |axis| (first, axis)));
     let all = (0..rows.len()).map(scale).chain(turns.map(|(first, axis)| turn(first, axis)));
-    Some((sensor, all.collect()))
+    Some(Inputs { sensor, shares: all.collect(), noise })
 }
 
 /// Factor of the score by which a size that is unusual is less likely: `b^2 / (i + 1 / USUAL^2)` is twice the
@@ -116,6 +150,16 @@ pub(super) fn usual(kind: Kind, score: &Score) -> f64 {
 mod tests {
     use super::*;
     use crate::units::time::Time;
+
+    /// Over a quarter of a second the noise of 2 units a root of a hertz has a sigma of 4 units.
+    #[test]
+    fn a_rate_that_noise_may_make_up_is_none() {
+        let inputs = Inputs { sensor: 0, shares: Vec::new(), noise: vec![2.0; 3] };
+        let mut means = [0.0; MAX_CHANNELS];
+        means[..3].copy_from_slice(&[19.0, -19.0, -21.0]);
+        assert_eq!(inputs.above_noise(&means, 0.25)[..3], [0.0, 0.0, -21.0]);
+        assert_eq!(inputs.above_noise(&means, 1.0)[..3], [19.0, -19.0, -21.0]);
+    }
 
     /// A size of 7 % +- 1 % is 7 sigma. Beside a prior of 1 % it is `7 / sqrt(2)`: the prior explains half of it.
     #[test]

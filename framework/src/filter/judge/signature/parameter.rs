@@ -12,14 +12,15 @@
 
 use super::calibration::Calibration;
 use super::calibrations::{Calibrations, Correction, moved};
-use super::constants::{Component, Kind, inputs, measures, rotations, scaled, turns, usual};
+use super::constants::{Component, Inputs, Kind, inputs};
+use super::constants::{measures, rotations, scaled, turns, usual};
 use super::contain::Containment;
 use super::earlier::Earlier;
 use super::effect::{Effect, Found, WIDE, Whitened};
 use super::lanes::Changes;
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
-use super::wrong::{Shares, Wrong};
+use super::wrong::Wrong;
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::judge::measured::Measured;
@@ -56,8 +57,8 @@ pub(super) struct Parameters {
     /// Rows of the error state that are rotations, and blocks that are.
     rotations: Vec<usize>,
     turning: Vec<bool>,
-    /// Index of the driving sensor, and the shares of its channels in the rows of its biases, by error.
-    inputs: Option<(usize, Vec<Shares>)>,
+    /// The errors of the driving sensor.
+    inputs: Option<Inputs>,
     /// Sensitivities with the driving samples in them: row, sum, without and with.
     driven: Vec<(usize, usize, f32, f32)>,
     span: Time,
@@ -117,10 +118,11 @@ impl Parameters {
         self.refused.fill(Gated::default());
     }
 
-    /// Carries the sensitivities to the present, with the mean of the driving samples.
-    pub(super) fn carry(&mut self, changes: &Changes, input: &[f64]) {
+    /// Carries the sensitivities to the present, with the means of the driving samples over a time, s.
+    pub(super) fn carry(&mut self, changes: &Changes, means: &[f64; MAX_CHANNELS], time: f64) {
         let Self { effects, components, inputs, driven, .. } = self;
-        let inputs = inputs.as_ref().map_or(&[][..], |(_, inputs)| &inputs[..]);
+        let input = inputs.as_ref().map_or(*means, |inputs| inputs.above_noise(means, time));
+        let inputs = inputs.as_ref().map_or(&[][..], |inputs| &inputs.shares[..]);
         for (effect, components) in effects.iter_mut().zip(components.chunks(WIDE)) {
             driven.clear();
             let errors = components.iter().enumerate().filter(|(_, c)| c.kind == Kind::Input);
@@ -149,7 +151,7 @@ impl Parameters {
         layout: &Layout,
     ) -> Finding {
         let shares = self.inputs.as_ref().filter(|_| wrong.of.kind == Kind::Input);
-        let shares = shares.map_or(&[][..], |(_, inputs)| &inputs[wrong.of.of]);
+        let shares = shares.map_or(&[][..], |inputs| &inputs.shares[wrong.of.of]);
         wrong.finding(state, sensor, layout, shares)
     }
 
@@ -240,13 +242,6 @@ impl Parameters {
         }
     }
 
-    /// Adds the scale factors and axes of the driving sensor.
-    fn add_inputs(&mut self, at: &At<'_>) {
-        let Some((sensor, inputs)) = &self.inputs else { return };
-        let (sensor, kind, component) = (*sensor, Kind::Input, 0);
-        (0..inputs.len()).for_each(|of| self.add(Component { kind, of, component, sensor }, at));
-    }
-
     /// Takes the sample of a sensor, of which some channels are present.
     pub(super) fn take(
         &mut self,
@@ -257,7 +252,8 @@ impl Parameters {
     ) {
         if self.span == Time::MIN {
             self.span = at.state.time;
-            self.add_inputs(at);
+            let inputs: Vec<_> = self.inputs.iter().flat_map(Inputs::components).collect();
+            inputs.into_iter().for_each(|component| self.add(component, at));
         }
         let tested = self.tested[index];
         if tested && !self.known[index] {

@@ -227,7 +227,7 @@ impl Signatures {
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
         offsets.for_each(|effect| effect.carry(changes));
         shifts.iter_mut().for_each(|shifts| shifts.carry(changes));
-        parameters.carry(changes, &input);
+        parameters.carry(changes, &input, duration);
     }
 
     /// Takes a sample before the state is corrected. Call after [`Update::apply`].
