@@ -28,7 +28,7 @@ fn warnings_are_printed_while_the_run_goes_on() {
             before.push(line);
         }
     };
-    wait_for("warning: tcp: tcp 127.0.0.1:1: not open");
+    wait_for("warning: tcp 127.0.0.1:1: not open");
     // a DVL that is unplugged: the input goes on, and nothing ends
     let mut input = live.stdin.take().unwrap();
     let plugged = |(sensor, time, _): &(&str, f64, &str)| *sensor != "dvl" || *time < 10.0;

@@ -47,6 +47,14 @@ fn measured(mut child: Child) -> (Output, u64) {
 }
 
 #[cfg(target_os = "linux")]
+fn measured_run(recording: &Recording) -> (Output, u64) {
+    let mut command = command();
+    command.arg("run").arg(recording.path("rest.toml")).arg("--no-output");
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    measured(child.expect("the command starts"))
+}
+
+#[cfg(target_os = "linux")]
 #[test]
 fn a_row_without_an_end_is_an_error_in_little_memory() {
     let recording = Recording::new();
@@ -56,18 +64,32 @@ fn a_row_without_an_end_is_an_error_in_little_memory() {
         let mut file = std::fs::File::create(&path).expect("the test can write");
         file.write_all(imu.as_bytes()).expect("the test can write");
         file.write_all(format!("21.00,{start}").as_bytes()).expect("the test can write");
-        // zeros without a byte on the disk
-        file.set_len(600 << 20).expect("the test can write");
-        let mut command = command();
-        command.arg("run").arg(recording.path("rest.toml")).arg("--no-output");
-        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        let (output, peak) = measured(child.expect("the command starts"));
+        file.write_all(&vec![b'1'; MEMORY as usize]).expect("the test can write");
+        let (output, peak) = measured_run(&recording);
         assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
         for part in ["imu.csv:2002", "1048576 bytes", "quotation marks"] {
             assert!(stderr(&output).contains(part), "no {part:?} in:\n{}", stderr(&output));
         }
         assert!(peak < MEMORY, "{peak} bytes");
     }
+}
+
+/// A recorder that loses its power leaves zeros behind the row that it wrote.
+#[cfg(target_os = "linux")]
+#[test]
+fn zeros_behind_a_row_are_the_end_of_the_file_in_little_memory() {
+    let recording = Recording::new();
+    let path = recording.path("imu.csv");
+    let imu = std::fs::read_to_string(&path).expect("the recording has it");
+    let mut file = std::fs::File::create(&path).expect("the test can write");
+    file.write_all(format!("{imu}21.00,1").as_bytes()).expect("the test can write");
+    // zeros without a byte on the disk
+    file.set_len(600 << 20).expect("the test can write");
+    let (output, peak) = measured_run(&recording);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let warning = "imu.csv:2002: the file ends within this line";
+    assert!(stderr(&output).contains(warning), "{}", stderr(&output));
+    assert!(peak < MEMORY, "{peak} bytes");
 }
 
 /// A text with its length before it, as MCAP writes it.

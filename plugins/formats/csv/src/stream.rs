@@ -249,8 +249,9 @@ impl Stream {
     fn line(&self) -> u64 {
         let position = self.reader.position();
         if self.reader.get_ref().is_changed() {
-            // the line after the row, whose end was read
-            return position.line().saturating_sub(1).max(1);
+            // the line after the row, unless the file ends within it
+            let ended = u64::from(!self.ends_within_line());
+            return position.line().saturating_sub(ended).max(1);
         }
         tail::line_before(&self.path, position.byte())
     }
