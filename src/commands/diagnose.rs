@@ -64,8 +64,10 @@ pub fn diagnose(registry: &Registry, arguments: &Diagnose) -> Result<ExitCode> {
     target.map_or(Ok(()), |out| check_target(&of, out))?;
     // a setting that cannot be written ends the command here, and not after its runs
     let writes = target.is_some() || arguments.out.is_some();
-    let scenario = writes.then(|| navfuse_diagnose::apply(document.text(), &settings));
-    let scenario = scenario.transpose()?.unwrap_or_default();
+    let scenario = match writes {
+        true => navfuse_diagnose::apply(document.text(), &settings)?,
+        false => String::new(),
+    };
     let text = arguments.format == Format::Text;
     let (stop, bar) = (stop_on_signal(), Bar::new(text));
     let show = |done, all| bar.trials(done, all);
