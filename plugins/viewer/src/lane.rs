@@ -5,7 +5,8 @@ use crate::recording::Recording;
 use crate::strip::Words;
 use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
-use navfuse_core::model::record::health::{Judged, Lane, Stretch};
+use navfuse_core::model::record::health::{Health, Judged, Lane, Stretch};
+use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
@@ -27,6 +28,8 @@ pub struct SensorLane {
     pub drives: bool,
     /// The most severe finding about the sensor, and the strongest basis of one.
     pub found: Option<(Severity, Basis)>,
+    /// Times of the findings about the sensor, but those of a silence and notes.
+    pub findings: Vec<Time>,
     /// Entity of the lane.
     path: EntityPath,
     /// Number of stretches whose begin is written.
@@ -49,6 +52,7 @@ impl SensorLane {
             in_turns: [0; 2],
             drives: info.purpose == Purpose::Input,
             found: None,
+            findings: Vec::new(),
             path: path(&["health", &info.name]),
             written: 0,
             words: Words::default(),
@@ -95,6 +99,9 @@ impl SensorLane {
         }
         let (severity, basis) = self.found.unwrap_or((finding.severity, finding.basis));
         self.found = Some((severity.max(finding.severity), basis.max(finding.basis)));
+        if finding.severity > Severity::Note {
+            self.findings.push(finding.time);
+        }
         self.lane.doubt(finding);
         self.write(recording)
     }
@@ -127,9 +134,21 @@ impl SensorLane {
         self.write(recording)
     }
 
-    /// Ends the last stretch.
-    pub fn finish(&mut self, end: Time) {
+    /// Ends the last stretch. A doubt of the verdict about the whole run has no time of its own: it begins
+    /// with the first sample that was used.
+    pub fn finish(&mut self, end: Time, verdict: Option<&Verdict>) {
         self.lane.finish(end);
+        if verdict.is_some_and(|verdict| self.is_doubted_throughout(verdict)) {
+            let used = self.lane.stretches.iter_mut().filter(|s| s.health == Health::Used);
+            used.for_each(|stretch| stretch.health = Health::Doubted);
+        }
+    }
+
+    /// Set where a statistic of the whole run speaks against the sensor.
+    pub fn is_doubted_throughout(&self, verdict: &Verdict) -> bool {
+        let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
+        let doubts = verdict.reasons.iter().filter(|r| r.severity > Severity::Contained);
+        doubts.into_iter().any(|r| whole(r.criterion) && self.is_meant_by(&r.about))
     }
 
     /// The stretches so far; the last one ends now.
@@ -143,6 +162,7 @@ impl SensorLane {
     fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         for (health, from) in self.lane.begun(self.written) {
             recording.log(&self.path, from.nanos(), &StateChange::single(health.word()))?;
+            self.words.has(from.nanos(), health.word());
             self.written += 1;
         }
         Ok(())

@@ -20,6 +20,8 @@ use std::fmt::Write;
 pub const MANY: usize = 7;
 /// Number of sensors up to which the page of a run that goes on leaves room for a plot and the states.
 pub const FEW: usize = 5;
+/// Mark of a NIS outside its band.
+const OUTSIDE: &str = " **!**";
 /// The component with the largest error in sigma, as block and component; without a truth, the
 /// component that converged least.
 pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
@@ -139,7 +141,12 @@ fn sentence(text: &str, remedy: &str) -> String {
 /// The numbers of samples of each sensor, two sensors in a row if there are many.
 fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdict>) {
     let beside = if lanes.len() > MANY { 2 } else { 1 };
-    let nis = if verdict.is_some() { "NIS (expected)" } else { "NIS of the last 25 (expected)" };
+    let marked = lanes.iter().any(|lane| cells(lane, verdict).ends_with(OUTSIDE));
+    let nis = match verdict {
+        Some(_) if marked => "NIS (expected), **!** unlikely",
+        Some(_) => "NIS (expected)",
+        None => "NIS of the last 25 (expected)",
+    };
     let joined = |part: &str| vec![part; beside].join(" | ");
     let _ =
         writeln!(page, "\n| {} |", joined(&format!("sensor | used | gated | rejected | {nis}")));
@@ -158,7 +165,7 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
 /// The cells of a sensor: name, samples that were used, gated and rejected, and NIS.
 fn cells(lane: &SensorLane, verdict: Option<&Verdict>) -> String {
     let whole = verdict.and_then(|v| v.sensor(&lane.name)).map(|s| {
-        let mark = if s.inside { "" } else { " **!**" };
+        let mark = if s.inside { "" } else { OUTSIDE };
         format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
     });
     let latest = lane.lane.nis().filter(|_| verdict.is_none());
@@ -167,11 +174,6 @@ fn cells(lane: &SensorLane, verdict: Option<&Verdict>) -> String {
     let nis = whole.or(latest).unwrap_or_default();
     let (gated, rejected) = (lane.outcomes.gated, lane.outcomes.all_rejected());
     format!("**{}** | {used} | {gated} | {rejected} | {nis}", lane.name)
-}
-
-/// A span of time in words.
-pub fn span(from: Time, to: Time) -> String {
-    format!("{:.0}–{:.0}", from.seconds(), to.seconds())
 }
 
 #[cfg(test)]

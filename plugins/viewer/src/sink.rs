@@ -162,7 +162,7 @@ impl RerunSink {
         self.write_waiting(end)?;
         if let Some(run) = &mut self.run {
             self.tabs.iter_mut().try_for_each(|tab| tab.finish(&self.recording))?;
-            run.finish(end, &mut self.left);
+            run.finish((end, self.verdict.as_ref()), &mut self.left);
         }
         self.write_excursions()?;
         self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
@@ -182,8 +182,12 @@ impl RerunSink {
 
 impl Run {
     /// Ends stretches and excursions.
-    fn finish(&mut self, end: Time, left: &mut Vec<(String, Excursion)>) {
-        self.lanes.iter_mut().for_each(|lane| lane.finish(end));
+    fn finish(
+        &mut self,
+        (end, verdict): (Time, Option<&Verdict>),
+        left: &mut Vec<(String, Excursion)>,
+    ) {
+        self.lanes.iter_mut().for_each(|lane| lane.finish(end, verdict));
         for block in &mut self.blocks {
             for k in 0..block.components.len() {
                 if let Some(excursion) = block.components[k].tally.finish() {

@@ -36,13 +36,18 @@ pub fn look(words: impl IntoIterator<Item = (&'static str, Colour)> + Clone) -> 
         .with_colors(all().flat_map(|(_, [r, g, b])| [Color::from_rgb(r, g, b); 2]))
 }
 
-/// Which stretches of a strip have their words, by their begin, ns: at first all have.
+/// The states of a strip, by their begin, ns: at first each has its word.
 #[derive(Debug, Default)]
-pub struct Words(BTreeMap<i64, bool>);
+pub struct Words(BTreeMap<i64, String>);
 
 impl Words {
-    /// Takes the words away from stretches that are too short for them, and gives them back to those that
-    /// are no longer, in a run of that length, ns, on strips of that width, pixels; a stretch is its begin
+    /// Notes a state that the recording has.
+    pub fn has(&mut self, begin: i64, word: &str) {
+        self.0.insert(begin, word.to_owned());
+    }
+
+    /// Takes the words away from stretches that are too short for them, gives them back to those that are no
+    /// longer, and replaces a state that became another one, in a run of that length, ns, on strips of that width, pixels; a stretch is its begin
     /// and end, ns, and its word.
     ///
     /// # Errors
@@ -70,9 +75,9 @@ impl Words {
         let stretches = stretches.into_iter().filter(|(from, to, _)| from < to);
         let change = |(from, to, word): (i64, i64, &str)| {
             let room = has_room(word, width * (to - from) as f64 / run.max(1) as f64);
-            let before = self.0.insert(from, room).unwrap_or(true);
             let state = if room { word.to_owned() } else { without_word(word) };
-            (room != before).then_some((from, state))
+            let before = self.0.insert(from, state.clone());
+            (before.as_deref().unwrap_or(word) != state).then_some((from, state))
         };
         stretches.filter_map(change).collect()
     }

@@ -16,16 +16,19 @@ pub struct Span {
     pub weight: usize,
 }
 
-/// The spans of a lane until a time, s.
-pub fn spans(lane: &Lane, end: f64) -> Vec<Span> {
-    let span = |health: Health, from: Time, to: f64| Span {
-        times: [from.seconds(), to],
-        word: health.word(),
-        colour: health.colour(),
-        weight: match health {
-            Health::Silent => 1,
-            health => Health::ALL.iter().position(|h| *h == health).map_or(0, |k| 2 * k),
-        },
+/// The spans of a lane until a time, s; with `doubted` its samples were used with doubt throughout.
+pub fn spans(lane: &Lane, end: f64, doubted: bool) -> Vec<Span> {
+    let span = |health: Health, from: Time, to: f64| {
+        let health = if doubted && health == Health::Used { Health::Doubted } else { health };
+        Span {
+            times: [from.seconds(), to],
+            word: health.word(),
+            colour: health.colour(),
+            weight: match health {
+                Health::Silent => 1,
+                health => Health::ALL.iter().position(|h| *h == health).map_or(0, |k| 2 * k),
+            },
+        }
     };
     let past = lane.stretches.iter().map(|s| span(s.health, s.from, s.to.seconds()));
     past.chain(lane.current().map(|(health, from)| span(health, from, end))).collect()

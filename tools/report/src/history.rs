@@ -253,8 +253,11 @@ impl RunHistory {
         let (innovation, sigma) = (vec![f64::NAN; count], vec![f64::NAN; count]);
         let mut row = Innovation { time, innovation, sigma, nis, threshold };
         let (mut freedom, mut present) = (0.0, 0_u16);
-        for (k, innovation, sigma) in channels.filter(|c| c.0 < count) {
-            (row.innovation[k], row.sigma[k]) = (innovation, sigma);
+        for (k, innovation, sigma) in channels {
+            // a constraint has innovations, and samples without a channel
+            if k < count {
+                (row.innovation[k], row.sigma[k]) = (innovation, sigma);
+            }
             freedom += 1.0;
             present |= 1_u16.checked_shl(k as u32).unwrap_or(0);
         }

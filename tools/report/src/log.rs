@@ -99,8 +99,9 @@ fn innovation(history: &mut RunHistory, update: &InnovationEntry<'_>) {
     };
     let columns = history.sensors[index].channels.clone();
     let of = update.channels.iter().zip(&update.innovation).zip(&update.sigma);
-    let channels = of.filter_map(|((name, z), sigma)| {
-        Some((columns.iter().position(|c| c == name)?, *z, *sigma))
+    let channels = of.enumerate().filter_map(|(k, ((name, z), sigma))| {
+        let place = columns.iter().position(|c| c == name);
+        Some((place.or(columns.is_empty().then_some(k))?, *z, *sigma))
     });
     let (nis, threshold) = (update.nis, update.threshold);
     history.update(index, update.time, fate, nis, threshold, channels);

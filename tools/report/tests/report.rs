@@ -80,6 +80,7 @@ fn run_text(text: &str, settings: &[&str], output: &Path) -> (RunHistory, Finish
         .add(&navfuse_ins::InsPlugin)
         .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
+        .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_mcap::McapPlugin);
     let document = Document::parse("short.toml", text).unwrap();
@@ -241,7 +242,8 @@ fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
     let silent = "sensor.dvl.simulation.outages=[[\"60 s\", \"75 s\"]]";
     let (history, _) = run(&[silent], folder.path());
     let [_, last] = history.span().unwrap();
-    let spans = |name: &str| navfuse_report::spans(&history.sensor(name).unwrap().health, last);
+    let spans =
+        |name: &str| navfuse_report::spans(&history.sensor(name).unwrap().health, last, false);
     let dvl = spans("dvl");
     let outage = dvl.iter().find(|s| s.word == "silent" && s.times[0] > 10.0).unwrap();
     // it begins an interval after the last sample, one in ten of which is lost
@@ -254,6 +256,24 @@ fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
     let strips = strips.split_once("<p class=\"note\"").unwrap().0;
     assert!(strips.contains("<title>dvl: silent, 60 s to 75 s</title>"), "{strips}");
     assert!(strips.contains("<title>imu: used, "), "{strips}");
+}
+
+/// The samples of a constraint have no channels, and its innovations have two.
+#[test]
+fn a_constraint_has_the_nis_and_the_strip_of_its_innovations() {
+    let folder = tempfile::tempdir().unwrap();
+    let noise = "sensor.non-holonomic.lateral_noise=\"10 cm/s\"";
+    let (history, finished) = run(&[noise], folder.path());
+    let of_log = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
+    for history in [&history, &of_log] {
+        let constraint = history.sensor("non-holonomic").unwrap();
+        let used = constraint.updates.outcomes.accepted as f64;
+        assert_eq!(constraint.updates.nis[1], 2.0 * used);
+        let [_, last] = history.span().unwrap();
+        let spans = navfuse_report::spans(&constraint.health, last, false);
+        assert!(spans.iter().all(|s| ["used", "silent"].contains(&s.word)), "{spans:?}");
+    }
+    drop(finished);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Which sensor was bad, and when: the culprits first, then the sensors that were refused because of
 //! them, and the silences, which are no faults.
 
-use super::span;
+mod words;
+
 use crate::innovation::SensorSeries;
 use crate::lane::SensorLane;
 use navfuse_core::model::record::finding::{Basis, Severity};
@@ -9,14 +10,11 @@ use navfuse_core::model::record::health::{Health, Stretch};
 use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
+use words::{APART, found_at, in_words, joined, longest, span};
 
-/// Number of stretches of one health in the line of a sensor.
-const STRETCHES: usize = 4;
 /// Shortest fault in the line of a sensor, and shortest silence, s.
 const SHORTEST: f64 = 1.0;
 const SHORTEST_SILENCE: f64 = 5.0;
-/// Longest time between two parts of one fault, s.
-const APART: f64 = 5.0;
 /// Number of gated samples from which on their share in turns counts.
 const GATED: u64 = 20;
 /// Share of gated samples in turns that names the turns, and how many times larger than the share
@@ -72,11 +70,28 @@ pub fn write(
             true => "None was gated, rejected or doubted for longer than a second.",
             false => "None.",
         });
+        let others =
+            verdict.map(|verdict| parts_without_a_lane(lanes, verdict)).unwrap_or_default();
+        if !others.is_empty() {
+            let _ = write!(page, " The verdict is about **{}**, no sensor.", others.join("**, **"));
+        }
     }
     lines.extend(off);
     page.push_str("\n\n");
     lines.iter().for_each(|line| _ = writeln!(page, "- {line}"));
     write_silences(page, lanes, now);
+}
+
+/// What the verdict doubts that is no sensor: a state of a process, the alignment, the estimate.
+fn parts_without_a_lane<'a>(lanes: &[SensorLane], verdict: &'a Verdict) -> Vec<&'a str> {
+    let mut others: Vec<&str> = Vec::new();
+    for reason in verdict.reasons.iter().filter(|r| r.severity > Severity::Contained) {
+        let known = others.contains(&reason.about.as_str());
+        if !known && !lanes.iter().any(|lane| lane.is_meant_by(&reason.about)) {
+            others.push(&reason.about);
+        }
+    }
+    others
 }
 
 /// That the filter was off after the last silence of a sensor that it needs, which is no fault of the sensor.
@@ -99,7 +114,7 @@ struct Accusation {
     order: usize,
     /// Set where a finding makes the result useless.
     useless: bool,
-    /// Set for statistics of the whole run, which have no times.
+    /// Set for statistics of the whole run, which doubt the sensor throughout.
     whole: bool,
 }
 
@@ -116,7 +131,7 @@ impl Accusation {
                 criterion(r.criterion) && r.severity > least && lane.is_meant_by(&r.about)
             })
         };
-        // a finding has a time, and with it the lane; a statistic of the whole run has none
+        // a finding has a time; a statistic of the whole run has none
         let found = of(&|c| c == Criterion::Finding, Severity::Note);
         let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
         let whole = of(&whole, Severity::Contained);
@@ -181,12 +196,18 @@ fn line(
             ),
         };
         parts.push(format!("{when}{turns} ({})", in_words(lane, sensors, &faults)));
-    } else if let Some(found) = lane.lane.doubted() {
-        parts.push(format!("fault found at {:.0} s", found.seconds()));
+    }
+    let apart = |time: &&Time| {
+        !faults.iter().any(|s| s.from.since(**time) <= APART && time.since(s.to) <= APART)
+    };
+    let found: Vec<Time> = lane.findings.iter().filter(apart).copied().collect();
+    if !found.is_empty() {
+        parts.push(found_at(&found));
     }
     let stretches = lane.stretches(now);
     let doubted: Vec<Stretch> =
         stretches.iter().copied().filter(|s| s.health == Health::Doubted).collect();
+    let doubted = if whole { Vec::new() } else { doubted };
     match (stretches.last().map(|s| s.health), doubted.first(), doubted.last()) {
         (Some(Health::Isolated), ..) => {
             let when = if over { "at the end" } else { "now" };
@@ -206,59 +227,6 @@ fn line(
         let _ = write!(line, ": {}", parts.join("; "));
     }
     line
-}
-
-/// The spans of stretches, those that follow each other as one.
-fn joined(stretches: &[Stretch]) -> Vec<(Time, Time)> {
-    let mut spans: Vec<(Time, Time)> = Vec::new();
-    for stretch in stretches {
-        match spans.last_mut() {
-            Some(last) if stretch.from.since(last.1) <= APART => last.1 = stretch.to,
-            _ => spans.push((stretch.from, stretch.to)),
-        }
-    }
-    spans
-}
-
-/// The spans of each health, in order of their begin, and why samples were rejected: the longest ones
-/// where there are many.
-fn in_words(lane: &SensorLane, sensors: &[SensorSeries], faults: &[Stretch]) -> String {
-    let mut order: Vec<Health> = Vec::new();
-    for fault in faults {
-        if !order.contains(&fault.health) {
-            order.push(fault.health);
-        }
-    }
-    let word = |health: Health| {
-        let of: Vec<Stretch> = faults.iter().copied().filter(|s| s.health == health).collect();
-        let why = if health == Health::Rejected { why(lane, sensors) } else { String::new() };
-        format!("{} {}{why}", health.word(), longest(of))
-    };
-    order.into_iter().map(word).collect::<Vec<_>>().join("; ")
-}
-
-/// The longest spans in order of time: `250–280, 300–310 s, 2 more`.
-fn longest(mut stretches: Vec<Stretch>) -> String {
-    let count = stretches.len();
-    stretches.sort_by(|a, b| b.to.since(b.from).total_cmp(&a.to.since(a.from)));
-    stretches.truncate(STRETCHES);
-    stretches.sort_by_key(|s| s.from);
-    let spans: Vec<String> = stretches.iter().map(|s| span(s.from, s.to)).collect();
-    match count.saturating_sub(STRETCHES) {
-        0 => format!("{} s", spans.join(", ")),
-        more => format!("{} s and {more} more times", spans.join(", ")),
-    }
-}
-
-/// The reason of most rejections but an isolation, which has a word of its own.
-fn why(lane: &SensorLane, sensors: &[SensorSeries]) -> String {
-    use navfuse_core::model::record::Rejection;
-    let series = sensors.iter().find(|s| s.name == lane.name);
-    let names: Vec<&str> =
-        series.iter().flat_map(|s| (0..s.channels.len()).map(|k| s.channel(k))).collect();
-    let others = lane.outcomes.rejected.iter().filter(|r| r.0 != Rejection::Isolated);
-    let most = others.max_by_key(|r| r.1);
-    most.map_or_else(String::new, |(reason, _)| format!(", {}", reason.reason(&names)))
 }
 
 /// Set where the gate rejects samples in turns above all.
@@ -398,6 +366,45 @@ mod tests {
         assert_eq!(note[1..], [silent]);
         let doubt = lines(&lanes, &[reason(Criterion::Drift, Severity::Doubtful, "gnss")]);
         assert_eq!(doubt[1..], ["- **gnss**, over the run (see the verdict)", silent]);
+        let state = lines(&lanes, &[reason(Criterion::Prior, Severity::Doubtful, "ins.gyro_bias")]);
+        assert!(
+            state[0].ends_with("The verdict is about **ins.gyro_bias**, no sensor."),
+            "{state:?}"
+        );
+    }
+
+    /// A strip that is green all the time beside "doubtful" contradicts it.
+    #[test]
+    fn a_sensor_that_the_verdict_doubts_over_the_run_has_a_strip_of_doubt() {
+        use Health::{Doubted, Gated, Used};
+        let reasons = [reason(Criterion::Drift, Severity::Doubtful, "gnss")];
+        let verdict = Verdict::new(reasons.to_vec(), Vec::new());
+        for (name, expected) in [("gnss", [Doubted, Gated, Doubted]), ("dvl", [Used, Gated, Used])]
+        {
+            let mut lane =
+                lane(name, Purpose::Measurement, &[(Used, 90), (Gated, 91), (Used, 630)]);
+            lane.finish(time(630), Some(&verdict));
+            let strip: Vec<Health> = lane.lane.stretches.iter().map(|s| s.health).collect();
+            assert_eq!(strip, expected, "{name}");
+        }
+    }
+
+    /// A bias that moved was found at 580 s, and explained as a step at 590.5 s, the time of the verdict.
+    #[test]
+    fn the_line_of_a_sensor_has_the_time_of_every_finding() {
+        use Health::{Doubted, Gated, Used};
+        let seconds = |times: &[f64]| times.iter().filter_map(|t| Time::from_seconds(*t)).collect();
+        let mut imu = lane("imu", Purpose::Input, &[(Used, 580), (Doubted, 630)]);
+        imu.findings = seconds(&[580.01, 590.5]);
+        let found = [reason(Criterion::Finding, Severity::DoNotUse, "imu")];
+        let expected = "- **imu**: found at 580.0 and 590.5 s; used with doubt from 580 s on";
+        assert_eq!(lines(&[imu], &found)[1..], [expected]);
+        // a finding in the time of a fault has no time of its own
+        let mut dvl = lane("dvl", Purpose::Measurement, &[(Used, 250), (Gated, 280), (Used, 630)]);
+        dvl.findings = seconds(&[249.8, 400.0]);
+        let found = [reason(Criterion::Finding, Severity::Contained, "dvl")];
+        let expected = "- **dvl**: fault 250–280 s (gated 250–280 s); found at 400.0 s";
+        assert_eq!(lines(&[dvl], &found)[1..], [expected]);
     }
 
     /// The filter is off after a silence, and gates the first samples of the sensor, which is not at fault.

@@ -108,7 +108,7 @@ impl Errors {
             _ => format!(" ({})", self.named(blocks)),
         };
         let chance = if wrong > 0 && !self.contradict() {
-            ", as chance lets some of correlated errors"
+            ", which chance explains where errors last"
         } else {
             ""
         };
@@ -230,6 +230,12 @@ pub fn states(run: &Run) -> String {
                 writeln!(page, "| {name} | {sigma} | {share} | {unit} | |")
             }
         };
+    }
+    let marked = |(b, k): &(usize, usize)| {
+        blocks[*b].components[*k].tally.worst.is_some_and(|worst| worst.sigmas > NEVER)
+    };
+    if shown.iter().any(marked) {
+        let _ = writeln!(page, "\n**!** beyond {NEVER} sigma: chance makes no error that large.");
     }
     page
 }

@@ -19,7 +19,10 @@ pub(super) fn strips(history: &RunHistory) -> Markup {
     let Some([first, last]) = history.span().filter(|[first, last]| first < last) else {
         return html! {};
     };
-    let bars = history.sensors.iter().map(|s| (s.name.as_str(), spans(&s.health, last)));
+    let bars = history.sensors.iter().map(|s| {
+        let doubted = history.verdict.as_ref().is_some_and(|v| s.is_doubted_throughout(v));
+        (s.name.as_str(), spans(&s.health, last, doubted))
+    });
     let bars: Vec<_> = bars.filter(|(_, spans)| !spans.is_empty()).collect();
     if bars.is_empty() {
         return html! {};
