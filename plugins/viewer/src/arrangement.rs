@@ -8,6 +8,7 @@ use crate::map::Graticule;
 use crate::overview;
 use crate::plots::{Plots, end_of_run};
 use crate::polar::Polar;
+use crate::recording::Axis;
 use crate::run::Run;
 use crate::scene::{AROUND, BALL, DISTANCE, LIVE_VEHICLE, VEHICLE};
 use crate::state::BlockSeries;
@@ -78,6 +79,7 @@ pub fn messages(
     layout.timed = true;
     layout.latest = (stage == Stage::Watched).then_some(LATEST);
     layout.span = run.span.filter(|(first, last)| ranges && first < last);
+    layout.axis = if ranges { run.axis() } else { Axis::default() };
     let root = layout.root(run, tabs);
     layout.messages(root)
 }

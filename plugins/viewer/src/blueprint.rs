@@ -3,7 +3,7 @@
 
 use crate::axis;
 use crate::corner::Place;
-use crate::recording::{APPLICATION, TIMELINE};
+use crate::recording::{APPLICATION, Axis, SECONDS, TIMELINE};
 use re_sdk::blueprint::components::{Corner2D, PanelState, PlayState, ViewClass};
 use re_sdk::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel, TextLogView,
@@ -53,6 +53,8 @@ pub struct Layout {
     /// Length of the latest time that plots show of a run that goes on, ns; they then follow
     /// the cursor.
     pub(crate) latest: Option<i64>,
+    /// The timeline of the plots.
+    pub axis: Axis,
     /// Gives the next plots a legend.
     pub legend: bool,
     /// The corner of the legend: the one that the lines cover least.
@@ -72,8 +74,8 @@ impl Layout {
             });
             properties.push((format!("{ALL_VIEWS}/TimeAxis").into(), Box::new(whole)));
         }
-        let (span, latest, timed) = (None, None, false);
-        Self { properties, ranges, timed, rows: 3, columns: 4, span, latest, legend, corner }
+        let (span, latest, timed, axis) = (None, None, false, Axis::default());
+        Self { properties, ranges, timed, rows: 3, columns: 4, span, latest, axis, legend, corner }
     }
 
     /// The messages of the layout with that container around all views.
@@ -82,7 +84,7 @@ impl Layout {
     /// When the viewer's library cannot encode the layout.
     pub fn messages(self, root: ContainerLike) -> RecordingStreamResult<Vec<LogMsg>> {
         let time = TimePanel::new()
-            .with_timeline(TIMELINE)
+            .with_timeline(self.axis.timeline())
             .with_state(PanelState::Collapsed)
             // the cursor stands at the end, of a finished run too
             .with_play_state(PlayState::Following);
@@ -119,7 +121,7 @@ impl Layout {
         if first { place.room(range) } else { range }
     }
 
-    /// The name of a plot with its time: the viewer's axis has few labels, in minutes.
+    /// The name of a plot with its time: the viewer's axis has numbers without a unit.
     fn timed(&self, name: &str, start: Option<i64>) -> String {
         let seconds = |nanos: i64| format!("{:.0}", nanos as f64 * 1e-9);
         let timed = match (self.latest, self.span.filter(|_| self.timed)) {
@@ -171,14 +173,15 @@ impl Layout {
     /// The time that a plot shows: from `start` on, ns, or the whole run, or the latest time.
     fn range_of_time(&self, start: Option<i64>) -> TimeRange {
         if let Some(latest) = self.latest {
-            let relative = |time| TimeRangeBoundary::CursorRelative(TimeInt(time));
+            let relative = |time| TimeRangeBoundary::CursorRelative(TimeInt(self.axis.time(time)));
             return TimeRange { start: relative(-latest), end: relative(0) };
         }
         let bound = |time: Option<i64>| {
             time.map_or(TimeRangeBoundary::Infinite, |t| TimeRangeBoundary::Absolute(TimeInt(t)))
         };
-        let start = bound(start.or(self.span.map(|s| s.0)));
-        TimeRange { start, end: bound(self.span.map(|s| s.1)) }
+        let start = start.or(self.span.map(|s| s.0)).map(|nanos| self.axis.time(nanos));
+        let end = self.span.map(|s| self.axis.time(s.1));
+        TimeRange { start: bound(start), end: bound(end) }
     }
 
     /// One lane over time for each of those entities, which have states instead of numbers.
@@ -208,12 +211,14 @@ impl Layout {
         let column = |kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind });
         let columns = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(column);
         // the text has the time, which the viewer's own column cuts
-        let timeline = TimelineColumn(datatypes::TimelineColumn {
-            timeline: TIMELINE.into(),
-            visible: false.into(),
+        let timelines = [TIMELINE, SECONDS].map(|timeline| {
+            TimelineColumn(datatypes::TimelineColumn {
+                timeline: timeline.into(),
+                visible: false.into(),
+            })
         });
         let columns =
-            TextLogColumns::new().with_text_log_columns(columns).with_timeline_columns([timeline]);
+            TextLogColumns::new().with_text_log_columns(columns).with_timeline_columns(timelines);
         self.set(&log, "TextLogColumns", columns);
         log
     }

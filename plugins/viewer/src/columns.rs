@@ -8,9 +8,14 @@ use navfuse_core::model::record::health::Health;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::thin::{Merge, Thin};
 use navfuse_core::units::time::Time;
-use re_sdk::{AsComponents, EntityPath};
+use re_sdk::{
+    AsComponents, ComponentDescriptor, EntityPath, SerializationResult, SerializedComponentBatch,
+    SerializedComponentColumn,
+};
 use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
 use re_sdk_types::components::{Color, MarkerShape};
+use re_sdk_types::external::arrow::array::Float32Array;
+use std::sync::Arc;
 
 /// Number of rows of one block: the size to which the viewer compacts its own blocks.
 pub const ROWS: usize = 4096;
@@ -29,6 +34,8 @@ pub struct Series {
     jump: f64,
     last: f64,
     for_viewers: bool,
+    /// Set for lines, and not for marks.
+    line: bool,
     /// Finds outages, in which the lines break.
     gaps: Option<Gaps>,
     /// The lines that give the vertical axis its range while the run goes on.
@@ -40,8 +47,8 @@ impl Series {
         let style: Box<dyn AsComponents + Send> = Box::new(style);
         let (times, values) = (Vec::new(), Vec::new());
         let (style, jump, last) = (Some(style), f64::INFINITY, f64::NAN);
-        let (for_viewers, gaps, guides) = (false, None, None);
-        Self { path, width, times, values, style, jump, last, for_viewers, gaps, guides }
+        let (for_viewers, line, gaps, guides) = (false, true, None, None);
+        Self { path, width, times, values, style, jump, last, for_viewers, line, gaps, guides }
     }
 
     /// A series of lines, each with a name, a colour and a stroke width.
@@ -86,7 +93,7 @@ impl Series {
             .with_colors([colour])
             .with_markers([marker])
             .with_marker_sizes([size]);
-        Self::new(path, 1, style)
+        Self { line: false, ..Self::new(path, 1, style) }
     }
 
     /// A series of a line and its bounds of 3 sigma for the viewers that watch the run, and not for the
@@ -155,16 +162,19 @@ impl Series {
             return Ok(());
         }
         if let Some(style) = self.style.take() {
+            let origin = recording.origin().filter(|origin| self.line && *origin < self.times[0]);
+            if let Some(origin) = origin.filter(|_| !self.for_viewers) {
+                self.times.insert(0, origin);
+                self.values.splice(..0, std::iter::repeat_n(f64::NAN, self.width));
+            }
             if self.for_viewers {
                 recording.log_static_to_viewers(&self.path, style.as_ref())?;
             } else {
                 recording.log_static(&self.path, style.as_ref())?;
             }
         }
-        let rows = std::iter::repeat_n(self.width, self.times.len());
-        let columns = Scalars::new(self.values.iter().copied())
-            .columns(rows)
-            .map_err(|e| recording.error(e))?;
+        let columns = numbers(&self.values, self.width).map_err(|e| recording.error(e))?;
+        let columns = std::iter::once(columns);
         if self.for_viewers {
             recording.columns_to_viewers(&self.path, &self.times, columns)?;
         } else {
@@ -174,6 +184,18 @@ impl Series {
         self.values.clear();
         Ok(())
     }
+}
+
+/// The column of rows of that many values each: half the bytes of the archetype's own type, and more digits
+/// than a plot has pixels.
+pub(crate) fn numbers(
+    values: &[f64],
+    width: usize,
+) -> SerializationResult<SerializedComponentColumn> {
+    let rows = std::iter::repeat_n(width, values.len() / width.max(1));
+    let values = Float32Array::from_iter_values(values.iter().map(|value| *value as f32));
+    let numbers = ComponentDescriptor { component_type: None, ..Scalars::descriptor_scalars() };
+    SerializedComponentBatch::new(Arc::new(values), numbers).partitioned(rows)
 }
 
 /// A thinned sequence of unknown length: every n-th item and the last.

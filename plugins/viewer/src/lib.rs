@@ -2,7 +2,8 @@
 //! runs.
 //!
 //! Everything follows from the layout of the state and the sensors' channels: this crate knows no
-//! sensor by name. All data is on the timeline `t`, the clock of the run:
+//! sensor by name. All data is on the timeline `seconds`, the whole seconds of the run's clock, or on `t`, the
+//! clock itself, in a short run and in one with every row:
 //!
 //! | entity | content |
 //! |---|---|
@@ -83,7 +84,7 @@ pub mod viewer;
 pub use blueprint::Layout;
 pub use columns::{Range, Series};
 pub use live::Live;
-pub use recording::Recording;
+pub use recording::{Axis, Recording};
 pub use tab::Tab;
 /// The viewer's library: the version that this crate writes with.
 pub use {re_sdk, re_sdk_types};

@@ -19,8 +19,67 @@ use std::time::Duration;
 
 /// The application of every recording: the viewer keeps one layout for each application.
 pub const APPLICATION: &str = "navfuse";
-/// The timeline: the clock of the run.
+/// The clock of the run: the timeline of a short run, and of one with every row.
 pub const TIMELINE: &str = "t";
+/// The whole seconds of the clock, which the viewer writes as `#600` where it writes `+10m` for the clock.
+pub const SECONDS: &str = "seconds";
+/// Length of a run from which on its plots have whole seconds, ns: a few pixels.
+const LONG: i64 = 120_000_000_000;
+
+/// The timeline of the plots and of the layout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axis {
+    /// Whole seconds.
+    #[default]
+    Seconds,
+    /// The clock with its nanoseconds.
+    Clock,
+}
+
+impl Axis {
+    /// The axis of a run between those times, ns.
+    pub fn of(span: Option<(i64, i64)>) -> Self {
+        let long = span.is_none_or(|(first, last)| last.saturating_sub(first) >= LONG);
+        if long { Self::Seconds } else { Self::Clock }
+    }
+
+    /// The name of the timeline.
+    pub fn timeline(self) -> &'static str {
+        match self {
+            Self::Seconds => SECONDS,
+            Self::Clock => TIMELINE,
+        }
+    }
+
+    /// A time in the unit of the timeline, rounded down.
+    pub fn time(self, nanos: i64) -> i64 {
+        match self {
+            Self::Seconds => whole(nanos),
+            Self::Clock => nanos,
+        }
+    }
+
+    /// The times of some rows.
+    fn column(self, nanos: &[i64]) -> TimeColumn {
+        let times = nanos.iter().map(|nanos| self.time(*nanos));
+        match self {
+            Self::Seconds => TimeColumn::new_sequence(SECONDS, times),
+            Self::Clock => TimeColumn::new_duration_nanos(TIMELINE, times),
+        }
+    }
+}
+
+/// The multiple of the largest power of ten in the length of a run, at or before its begin, ns.
+fn origin((first, last): (i64, i64)) -> i64 {
+    let length = u64::try_from(whole(last.saturating_sub(first))).unwrap_or(1).max(1);
+    let unit = 1_000_000_000 * 10_i64.pow(length.ilog10().min(9));
+    first.div_euclid(unit) * unit
+}
+
+/// The whole seconds of a time, ns.
+pub fn whole(nanos: i64) -> i64 {
+    nanos.div_euclid(1_000_000_000)
+}
 
 /// The longest wait for a viewer, after which the recording drops it.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -33,6 +92,10 @@ pub struct Recording {
     /// The streams to the file and to the viewers.
     streams: Vec<RecordingStream>,
     served: Option<Served>,
+    /// The timeline of columns; both until it is known.
+    axis: Option<Axis>,
+    /// The round time at or before the begin of the run, ns, from which the viewer counts its ticks.
+    origin: Option<i64>,
     /// Set once a viewer has been given up.
     gave_up: bool,
 }
@@ -51,7 +114,8 @@ impl Recording {
         }
         let id = StoreId::random(re_sdk::StoreKind::Recording, APPLICATION);
         let file = RecordingFile::create(&path).map_err(|e| failure(&path, e))?;
-        let mut recording = Self { streams: Vec::new(), path, file, served: None, gave_up: false };
+        let (streams, served, axis, origin) = (Vec::new(), None, None, None);
+        let mut recording = Self { streams, path, file, served, axis, origin, gave_up: false };
         let to_file = stream(&id, recording.file.clone()).map_err(|e| recording.error(e))?;
         recording.streams.push(to_file);
         for viewer in live.viewers()? {
@@ -64,6 +128,17 @@ impl Recording {
             recording.served = Some(served);
         }
         Ok(recording)
+    }
+
+    /// Sets the timeline of columns from now on, in a run between those times, ns.
+    pub fn settle(&mut self, axis: Axis, span: Option<(i64, i64)>) {
+        self.axis = Some(axis);
+        self.origin = span.filter(|_| axis == Axis::Seconds).map(origin);
+    }
+
+    /// The round time at or before the begin of a run in whole seconds, ns.
+    pub(crate) fn origin(&self) -> Option<i64> {
+        self.origin
     }
 
     /// Checks whether a viewer watches.
@@ -133,7 +208,21 @@ impl Recording {
         nanos: i64,
         value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
-        self.log_to(&self.streams, path, nanos, value)
+        self.log_to(&self.streams, path, (nanos, true), value)
+    }
+
+    /// Logs a value in place of an earlier one at the same time, where another value follows in the same
+    /// second: it would replace that one, too.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    pub fn log_to_clock(
+        &self,
+        path: &EntityPath,
+        nanos: i64,
+        value: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        self.log_to(&self.streams, path, (nanos, false), value)
     }
 
     /// Logs a value at one time to the viewers that watch, and not to the file.
@@ -146,18 +235,22 @@ impl Recording {
         nanos: i64,
         value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
-        self.log_to(self.viewers(), path, nanos, value)
+        self.log_to(self.viewers(), path, (nanos, true), value)
     }
 
     fn log_to(
         &self,
         streams: &[RecordingStream],
         path: &EntityPath,
-        nanos: i64,
+        (nanos, seconds): (i64, bool),
         value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
         for stream in streams {
+            stream.reset_time();
             stream.set_time(TIMELINE, TimeCell::from_duration_nanos(nanos));
+            if seconds {
+                stream.set_time_sequence(SECONDS, whole(nanos));
+            }
             stream.log(path.clone(), value).map_err(|e| self.error(e))?;
         }
         Ok(())
@@ -173,7 +266,7 @@ impl Recording {
         nanos: &[i64],
         columns: impl Iterator<Item = SerializedComponentColumn>,
     ) -> Result<(), StreamError> {
-        self.columns_to(&self.streams, path, nanos, columns)
+        self.columns_to(&self.streams, path, (nanos, self.axis), columns)
     }
 
     /// Sends a block of columns to the viewers that watch, and not to the file.
@@ -186,21 +279,22 @@ impl Recording {
         nanos: &[i64],
         columns: impl Iterator<Item = SerializedComponentColumn>,
     ) -> Result<(), StreamError> {
-        self.columns_to(self.viewers(), path, nanos, columns)
+        self.columns_to(self.viewers(), path, (nanos, None), columns)
     }
 
     fn columns_to(
         &self,
         streams: &[RecordingStream],
         path: &EntityPath,
-        nanos: &[i64],
+        (nanos, axis): (&[i64], Option<Axis>),
         columns: impl Iterator<Item = SerializedComponentColumn>,
     ) -> Result<(), StreamError> {
         let columns: Vec<_> = columns.collect();
+        let axes = axis.map_or_else(|| vec![Axis::Clock, Axis::Seconds], |axis| vec![axis]);
+        let times: Vec<TimeColumn> = axes.into_iter().map(|axis| axis.column(nanos)).collect();
         for stream in streams {
-            let times = TimeColumn::new_duration_nanos(TIMELINE, nanos.iter().copied());
             stream
-                .send_columns(path.clone(), [times], columns.clone())
+                .send_columns(path.clone(), times.clone(), columns.clone())
                 .map_err(|e| self.error(e))?;
         }
         Ok(())
@@ -280,5 +374,28 @@ fn send_layout(stream: &RecordingStream, messages: &[LogMsg]) {
         let activate =
             BlueprintActivationCommand { blueprint_id, make_active: true, make_default: true };
         stream.send_blueprint(messages.to_vec(), activate);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The viewer puts its ticks at the first time of a plot, and at hundreds of seconds after it.
+    #[test]
+    fn ticks_are_counted_from_a_round_time_at_or_before_the_begin() {
+        let second = 1_000_000_000;
+        for (first, last, expected) in
+            [(60, 630, 0), (600, 2060, 0), (1250, 1980, 1200), (-7, 200, -100)]
+        {
+            assert_eq!(origin((first * second, last * second)), expected * second, "{first}");
+        }
+    }
+
+    #[test]
+    fn a_short_run_has_the_clock_and_a_long_one_whole_seconds() {
+        let axes = [119, 120].map(|s| Axis::of(Some((0, s * 1_000_000_000))));
+        assert_eq!(axes, [Axis::Clock, Axis::Seconds]);
+        assert_eq!([-1, 1_999_999_999].map(whole), [-1, 1]);
     }
 }

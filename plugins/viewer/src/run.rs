@@ -5,7 +5,7 @@ use crate::innovation::SensorSeries;
 use crate::lane::SensorLane;
 use crate::legend::{self, Clock};
 use crate::quantity::Here;
-use crate::recording::Recording;
+use crate::recording::{Axis, Recording};
 use crate::rig::Mount;
 use crate::samples::SampleSeries;
 use crate::scene;
@@ -24,6 +24,8 @@ use navfuse_core::units::time::Time;
 pub struct Run {
     /// The name of the scenario.
     pub name: String,
+    /// Set where every row is recorded.
+    pub full: bool,
     /// The blocks that have an uncertainty.
     pub blocks: Vec<BlockSeries>,
     /// The sensors that correct the state.
@@ -67,11 +69,17 @@ pub struct Places {
 }
 
 impl Run {
+    /// The timeline of the plots once the run is over.
+    pub fn axis(&self) -> Axis {
+        if self.full { Axis::Clock } else { Axis::of(self.span) }
+    }
+
     /// The series of a run that begins; with `all_samples` also those of driving and reference sensors,
     /// and with `full` every row.
     pub fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
         let mut run = Self {
             name: info.name.clone(),
+            full,
             blocks: state::blocks(info, full),
             sensors: Vec::new(),
             samples: Vec::new(),

@@ -1,11 +1,12 @@
 //! Shades in the plots of a sensor: the stretches in which its samples were refused.
 
+use crate::columns::numbers;
 use crate::recording::Recording;
 use crate::style::Colour;
 use navfuse_core::model::record::health::Stretch;
 use navfuse_core::model::stream::StreamError;
 use re_sdk::EntityPath;
-use re_sdk_types::archetypes::{Scalars, SeriesLines};
+use re_sdk_types::archetypes::SeriesLines;
 use re_sdk_types::components::AggregationPolicy;
 
 /// A span of time, ns.
@@ -75,8 +76,8 @@ impl Shades {
             .with_aggregation_policy(AggregationPolicy::Off);
         let entity = plot.join(&EntityPath::from(LEAF));
         recording.log_static(&entity, &look)?;
-        let columns = Scalars::new(values).columns_of_unit_batches();
-        recording.columns(&entity, &times, columns.map_err(|e| recording.error(e))?)
+        let column = numbers(&values, 1).map_err(|e| recording.error(e))?;
+        recording.columns(&entity, &times, std::iter::once(column))
     }
 }
 

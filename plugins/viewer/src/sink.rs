@@ -168,6 +168,7 @@ impl RerunSink {
         self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
         self.refresh()?;
         if let Some(run) = &mut self.run {
+            self.recording.settle(run.axis(), run.span);
             run.write(&self.recording)?;
             let at = (self.verdict.as_ref(), end);
             run.write_overview(&self.recording, at, &left(&self.tabs))?;

@@ -1,6 +1,6 @@
 //! Strips of states over time, and the words in them: a stretch that is too short for its word has none.
 
-use crate::recording::Recording;
+use crate::recording::{Recording, whole};
 use crate::style::Colour;
 use navfuse_core::model::stream::StreamError;
 use re_sdk::EntityPath;
@@ -60,9 +60,19 @@ impl Words {
         (run, width): (i64, f64),
     ) -> Result<(), StreamError> {
         for (begin, state) in self.changes(stretches, (run, width)) {
-            recording.log(path, begin, &StateChange::single(state))?;
+            let state = StateChange::single(state);
+            match self.is_last_of_its_second(begin) {
+                true => recording.log(path, begin, &state)?,
+                false => recording.log_to_clock(path, begin, &state)?,
+            }
         }
         Ok(())
+    }
+
+    /// Returns `true` where no other stretch begins in the same second afterwards.
+    fn is_last_of_its_second(&self, begin: i64) -> bool {
+        let next = self.0.range(begin + 1..).next();
+        next.is_none_or(|(next, _)| whole(*next) > whole(begin))
     }
 
     /// The stretches whose words go or come back: begin and state.
@@ -86,6 +96,16 @@ impl Words {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// On the timeline of whole seconds a word that is written again would replace the state after it.
+    #[test]
+    fn a_word_that_goes_replaces_no_other_state_of_its_second() {
+        let mut words = Words::default();
+        let begins = [0, 10_200_000_000, 10_700_000_000, 12_000_000_000];
+        begins.iter().for_each(|begin| words.has(*begin, "used"));
+        let last = begins.map(|begin| words.is_last_of_its_second(begin));
+        assert_eq!(last, [true, false, true, true]);
+    }
 
     #[test]
     fn a_short_stretch_has_no_word() {

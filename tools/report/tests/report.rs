@@ -263,7 +263,8 @@ fn the_page_has_a_strip_of_health_for_each_sensor_with_its_outage() {
 fn a_constraint_has_the_nis_and_the_strip_of_its_innovations() {
     let folder = tempfile::tempdir().unwrap();
     let noise = "sensor.non-holonomic.lateral_noise=\"10 cm/s\"";
-    let (history, finished) = run(&[noise], folder.path());
+    let other = "sensor.non-holonomic.vertical_noise=\"10 cm/s\"";
+    let (history, finished) = run(&[noise, other], folder.path());
     let of_log = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
     for history in [&history, &of_log] {
         let constraint = history.sensor("non-holonomic").unwrap();

@@ -17,7 +17,7 @@ use navfuse_rerun::re_sdk::blueprint::{
 };
 use navfuse_rerun::re_sdk_types::archetypes::TextDocument;
 use navfuse_rerun::style::{BOUND, Colour, path as entity};
-use navfuse_rerun::{Layout, Live, Recording, Series};
+use navfuse_rerun::{Axis, Layout, Live, Recording, Series};
 use std::path::Path;
 
 /// Greatest number of plots in a tab: with three columns each is high enough for three numbers on
@@ -63,9 +63,11 @@ pub fn record(
     let mut recording = Recording::open(path.to_owned(), &Live::default())?;
     recording.name(name)?;
     let mut layout = Layout::new(true);
+    layout.span = span(figures);
+    layout.axis = Axis::of(layout.span);
+    recording.settle(layout.axis, layout.span);
     let tracks: Vec<Overlaid> = tracks.iter().map(overlaid).collect();
     overlay::draw(&recording, &tracks)?;
-    layout.span = span(figures);
     let mut writer = Writer { recording: &recording, layout, names: Names::default() };
     let mut tabs = Vec::new();
     if let Some(overview) = overview {

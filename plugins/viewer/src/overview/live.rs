@@ -113,6 +113,7 @@ mod tests {
     fn run(findings: Vec<Finding>) -> Run {
         Run {
             name: "dive".into(),
+            full: false,
             blocks: Vec::new(),
             sensors: Vec::new(),
             samples: Vec::new(),

@@ -5,7 +5,7 @@
 
 use crate::common::Synthetic;
 use crate::driver::control::Seen;
-use crate::driver::{self, Layout, Viewer};
+use crate::driver::{self, Layout, SECONDS, Viewer, whole};
 use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
 use navfuse_rerun::re_sdk_types::archetypes::Scalars;
 use navfuse_viewer::Viewer as Config;
@@ -194,7 +194,7 @@ fn every_version_of_the_viewer_opens_a_recording_at_its_end_and_follows_the_vehi
         let end = Synthetic::time(5999).nanos();
         let mut viewer = Seen::open(program, &recording, &folder, end);
         let window = viewer.settled("as it opens");
-        assert_eq!(viewer.cursor(), Some(end), "{}", program.display());
+        assert_eq!(viewer.cursor(), Some(whole(end)), "{}", program.display());
         whole_strips(&part(&window, STRIPS), &folder);
         for at in [1500, 4500] {
             viewer.seek(Synthetic::time(at).nanos());
@@ -214,7 +214,7 @@ fn every_version_of_the_viewer_opens_a_recording_at_its_end_and_follows_the_vehi
     }
 }
 
-/// The scalars of a recording: entities with the times, ns, of their finite values.
+/// The scalars of a recording: entities with the times, s, of their finite values.
 fn scalars(recording: &Path) -> BTreeMap<String, Vec<i64>> {
     let mut file = std::fs::File::open(recording).unwrap();
     let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
@@ -222,9 +222,9 @@ fn scalars(recording: &Path) -> BTreeMap<String, Vec<i64>> {
     let mut times = BTreeMap::<_, Vec<i64>>::new();
     for store in stores.values().filter(|s| s.id().kind() == StoreKind::Recording) {
         for chunk in store.iter_physical_chunks() {
-            let rows = chunk.iter_component_indices(TimelineName::from("t"), component);
+            let rows = chunk.iter_component_indices(TimelineName::from(SECONDS), component);
             let finite = rows
-                .zip(chunk.iter_slices::<f64>(component))
+                .zip(chunk.iter_slices::<f32>(component))
                 .filter(|(_, values)| values.iter().any(|v| v.is_finite()))
                 .map(|((time, _), _)| time.as_i64());
             let entity = chunk.entity_path().to_string();

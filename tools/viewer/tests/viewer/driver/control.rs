@@ -1,7 +1,7 @@
 //! The viewer as its user sees it, of any version: `rerun viewer-mcp` reads the screen and the state,
 //! and moves the time. The service behind it differs between versions, which the tools hide.
 
-use super::{PATIENCE, window};
+use super::{PATIENCE, SECONDS, whole, window};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
@@ -72,7 +72,7 @@ impl Seen {
     /// Waits until the timeline ends at `end` or later, ns.
     pub fn wait(&mut self, end: i64) {
         let begun = Instant::now();
-        while self.end().is_none_or(|now| now < end) {
+        while self.end().is_none_or(|now| now < whole(end)) {
             assert!(begun.elapsed() < PATIENCE, "not loaded: {}", self.state());
             std::thread::sleep(Duration::from_millis(100));
         }
@@ -109,14 +109,15 @@ impl Seen {
         self.call(["viewer_state", "rerun_get_state"], json!({})).unwrap_or_default()
     }
 
+    /// The end in whole seconds, which are less than the nanoseconds of the other timeline.
     fn end(&mut self) -> Option<i64> {
         let timelines = &self.state()["recordings"][0]["timelines"];
         let timelines = timelines.as_array().into_iter().flatten();
         let end = |t: &Value| t["max"].as_i64().or(t["time_range"]["end"].as_i64());
-        timelines.filter_map(end).max()
+        timelines.filter_map(end).min()
     }
 
-    /// The time at which the cursor stands, ns.
+    /// The time at which the cursor stands, whole seconds.
     pub fn cursor(&mut self) -> Option<i64> {
         let time = &self.state()["recordings"][0]["current_time"]["time"];
         time.as_i64().or(time["time"].as_i64())
@@ -124,9 +125,10 @@ impl Seen {
 
     /// Moves the cursor.
     pub fn seek(&mut self, nanos: i64) {
+        let seconds = whole(nanos);
         let arguments = match self.later {
-            true => json!({ "timeline": { "name": "t" }, "time": { "time": nanos } }),
-            false => json!({ "timeline": "t", "time": nanos }),
+            true => json!({ "timeline": { "name": SECONDS }, "time": { "time": seconds } }),
+            false => json!({ "timeline": SECONDS, "time": seconds }),
         };
         self.call(["set_time", "rerun_set_time_cursor"], arguments).unwrap();
     }

@@ -24,6 +24,14 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 
+/// The timeline of the plots.
+pub const SECONDS: &str = "seconds";
+
+/// The whole seconds of a time, ns.
+pub fn whole(nanos: i64) -> i64 {
+    nanos.div_euclid(1_000_000_000)
+}
+
 /// The version that writes the recordings, and a later one that reads them.
 pub const VERSIONS: [&str; 2] = ["0.36.3", "0.41.0"];
 /// The longest wait for the viewer.
@@ -151,12 +159,12 @@ impl Viewer {
         format!("127.0.0.1:{}", self.port)
     }
 
-    /// Waits until the whole run has arrived: until the timeline ends at `end`, ns.
+    /// Waits until the whole run has arrived: until a timeline ends at `end`, ns, or at its whole seconds.
     pub fn wait(&mut self, end: i64) {
         let begun = Instant::now();
         loop {
-            let now = self.end();
-            if now == Some(end) {
+            let now = self.ends();
+            if now.contains(&end) || now.contains(&whole(end)) {
                 return;
             }
             assert!(begun.elapsed() < PATIENCE, "not loaded: the timeline ends at {now:?}");
@@ -164,10 +172,10 @@ impl Viewer {
         }
     }
 
-    fn end(&mut self) -> Option<i64> {
+    fn ends(&mut self) -> Vec<i64> {
         let recordings = self.recordings();
         let timelines = recordings.iter().flat_map(|r| &r.timelines);
-        timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
+        timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).collect()
     }
 
     fn recordings(&mut self) -> Vec<ViewerRecording> {
@@ -180,8 +188,8 @@ impl Viewer {
     pub fn seek(&mut self, nanos: i64) {
         let request = SetTimeCursorRequest {
             store_id: None,
-            timeline: Some(Timeline { name: "t".into() }),
-            time: Some(TimelineTime { time: nanos }),
+            timeline: Some(Timeline { name: SECONDS.into() }),
+            time: Some(TimelineTime { time: whole(nanos) }),
             play: false,
         };
         self.runtime.block_on(self.client.set_time_cursor(request)).unwrap();
