@@ -93,27 +93,27 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Answers a question as the samples do, where they decide between a few answers.
+/// Answers questions as the samples do, where they decide between a few answers: one after another, the clearest
+/// first.
 fn decide(
     registry: &Registry,
     out: &Path,
     imported: &mut Imported,
     stop: &AtomicBool,
 ) -> Result<()> {
-    if imported.alternatives.is_empty() {
-        return Ok(());
-    }
-    let document = Document::parse(out.display().to_string(), imported.scenario.clone())?;
-    let answers = &imported.alternatives;
-    let (bar, threads) = (Bar::new(true), threads(None)?);
-    let show = |done, all| bar.trials(done, all);
-    let found = navfuse_diagnose::likeliest(registry, &document, answers, threads, stop, &show);
-    bar.done();
-    let found = found?;
-    if let Some(answer) = found {
+    while !imported.alternatives.is_empty() {
+        let document = Document::parse(out.display().to_string(), imported.scenario.clone())?;
+        let answers = &imported.alternatives;
+        let (bar, threads) = (Bar::new(true), threads(None)?);
+        let show = |done, all| bar.trials(done, all);
+        let found = navfuse_diagnose::likeliest(registry, &document, answers, threads, stop, &show);
+        bar.done();
+        let Some(answer) = found?.cloned() else { return Ok(()) };
         imported.scenario =
-            navfuse_diagnose::apply(&imported.scenario, std::slice::from_ref(answer))?;
+            navfuse_diagnose::apply(&imported.scenario, std::slice::from_ref(&answer))?;
         imported.notes.push(format!("of a few answers the samples are likeliest with {answer}"));
+        let key = |answer: &str| answer.split('=').next().map(str::to_owned);
+        imported.alternatives.retain(|other| key(other) != key(&answer));
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 //! and a velocity log with a clock of its own.
 
 use super::dives::{DEPTH, DIVE, LOG, Table, dive, list};
-use super::{SIGMA, record, reference, run, simulated};
+use super::{SIGMA, record, reference, run, run_from, simulated};
 use std::fmt::Write;
 
 const POUNDS: f64 = 6894.757;
@@ -196,4 +196,36 @@ fn rows_of_several_kinds_are_found_by_the_word_in_any_of_their_first_cells() {
         let sigma = run(&[log], &truth);
         assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{first}: {sigma:?}");
     }
+}
+
+/// Rows of an IMU, a log and a depth in one file without headings, each with the name of its kind and a date.
+#[test]
+fn rows_of_kinds_with_dates_are_an_imu_a_log_and_a_depth() {
+    let recorded = simulated(DIVE);
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = folder.path().join("reference.csv");
+    // 2023-11-14T22:13:20Z
+    let (date, begin) = (1_700_000_000_000_000_000, 80_000_000_000_i64);
+    reference(&truth, &recorded, date);
+    let mut rows: Vec<(i64, String)> = Vec::new();
+    for (sensor, kind) in [("imu", "IMU"), ("dvl", "DVL"), ("depth", "DEP")] {
+        for (t, v) in &recorded[sensor] {
+            let clock = clock(t + begin);
+            let values = list(v).replace(',', " ");
+            rows.push((*t, format!("{kind} 2023/11/14 {clock} {values}\n")));
+        }
+    }
+    rows.sort_by_key(|(t, _)| *t);
+    let log = folder.path().join("dive.txt");
+    let text: String = rows.into_iter().map(|(_, row)| row).collect();
+    std::fs::write(&log, text).expect("the test can write");
+    let sigma = run_from(&[log], &truth, Some([48.1, 11.5, -10.0]));
+    assert!(matches!(sigma, Ok(sigma) if sigma <= SIGMA), "{sigma:?}");
+}
+
+/// The time of the day, so many nanoseconds after 22:12.
+fn clock(nanos: i64) -> String {
+    let millis = nanos / 1_000_000;
+    let [minute, second] = [12 + millis / 60_000, millis / 1000 % 60];
+    format!("22:{minute}:{second:02}.{:03}", millis % 1000)
 }

@@ -8,6 +8,7 @@ mod start;
 mod text;
 
 use crate::Answers;
+use crate::pressure::Pressure;
 use crate::recording::{Part, Recording};
 use crate::stream::StreamSurvey;
 use navfuse_core::document::quoted;
@@ -52,7 +53,7 @@ pub fn scenario(
         let apart = recording.part("imu").is_some_and(|imu| imu.file != part.file);
         sensor(&mut out, part, stream(part.name), apart);
         if part.name == "depth" {
-            surface(&mut out, &stream, answers);
+            surface(&mut out, part, &stream, answers);
         }
     }
     sources(&mut out, recording);
@@ -317,9 +318,13 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>, apart: boo
 /// ellipsoid: the height at the start and the depth there.
 fn surface<'a>(
     out: &mut Text,
+    part: &Part,
     stream: &impl Fn(&str) -> Option<&'a StreamSurvey>,
     answers: &Answers,
 ) {
+    let pressure = part.found.pressure.as_ref();
+    let factor = |k: f64| format!("sensor.depth.samples.factor={{ depth = {k} }}");
+    out.alternatives.extend(pressure.into_iter().flat_map(Pressure::factors).map(factor));
     let first = |name: &str| {
         let survey = stream(name)?;
         survey.first.get(survey.channel("height")?)
@@ -327,12 +332,22 @@ fn surface<'a>(
     let answered = || answers.position.map(|[.., height]| height);
     let height = first("gnss").or_else(|| first("reference")).or_else(answered);
     let depth = stream("depth").and_then(|s| s.first.get(0));
-    let Some(level) = height.zip(depth).map(|(height, depth)| height + depth) else { return };
-    if level.abs() > SURFACE {
+    let level = height.zip(depth).map(|(height, depth)| height + depth);
+    let doubt = pressure.and_then(Pressure::doubt);
+    if let Some(level) = level.filter(|level| level.abs() > SURFACE && doubt.is_none()) {
         let line = format!("bias = {{ initial = \"{level:.1} m\", sigma = \"{SURFACE:.0} m\" }}");
         out.ask(
             &line,
             "height of the surface of the water, by the height and the depth at the start",
+        );
+    }
+    if let Some(sigma) = doubt {
+        let initial = level.unwrap_or(0.0);
+        let line = format!("bias = {{ initial = \"{initial:.1} m\", sigma = \"{sigma:.0} m\" }}");
+        out.ask(
+            &line,
+            "does the pressure count from vacuum or from the air, and in which unit? Give the height at the start \
+             with --position, or set `unit` and `atmosphere` of columns.depth, and remove this line",
         );
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::beams::Beams;
 use crate::class::FixClass;
+use crate::pressure::Pressure;
 
 /// The place of a point in a key, from which positions of a table count, until an answer gives it.
 pub const ORIGIN: &str = "{ORIGIN}";
@@ -27,6 +28,8 @@ pub struct Found {
     pub zeros: bool,
     /// The columns of a table that has one half of an inertial unit, for a message.
     pub others: String,
+    /// The pressure of which the depth is made.
+    pub pressure: Option<Pressure>,
     /// The best class of fixes that a receiver reports.
     pub class: Option<FixClass>,
 }

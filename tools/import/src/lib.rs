@@ -18,6 +18,7 @@ mod instrument;
 mod lcm;
 mod log_axes;
 mod marks;
+mod pressure;
 mod rates;
 mod recording;
 mod rotation;

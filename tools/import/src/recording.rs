@@ -98,8 +98,6 @@ pub struct Recording {
     pub earth: Option<bool>,
     /// Velocity of a receiver in a file of its own.
     pub velocity: Option<(Found, PathBuf)>,
-    /// Height at the start, m, as answered.
-    pub height: Option<f64>,
     /// Definitions of the messages of LCM.
     definitions: Vec<lcm::Definitions>,
     /// Gyros and accelerometers in files of their own.
@@ -393,6 +391,13 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
     }
     let mut beginning =
         navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
+    // other records may begin behind the first ones
+    let json = beginning.trim_ascii_start().starts_with(b"{")
+        || beginning.trim_ascii_start().starts_with(b"[{");
+    if json && beginning.len() as u64 >= TABLE {
+        beginning = navfuse_csv::records_of_all_forms(file, 4 * TABLE)
+            .map_err(|e| StreamError::open(file, e))?;
+    }
     beginning.truncate(beginning.len() - filled(&beginning));
     let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     table::recognise(&navfuse_csv::text(&beginning), &name).map_err(refused)

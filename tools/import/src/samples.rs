@@ -17,9 +17,6 @@ const NOISY: f64 = 3600.0;
 const ABOVE: f64 = -0.3;
 /// Time before which a clock is not that of Unix, s: ten years after 1970.
 const COUNTS: f64 = 315_576_000.0;
-/// Depth, m, whose pressure is that of the air, and the distance, m, of a depth that is near another one.
-const ATMOSPHERE: f64 = 10.1;
-const NEARER: f64 = 5.0;
 /// Sensors whose clock is not shifted: they are what the others are compared with.
 const FIXED: [&str; 5] = ["imu", "ahrs", "reference", "odometry", "attitude"];
 /// Offset, s, that the latency of one instrument does not explain, and its share within which another sensor on the
@@ -119,7 +116,6 @@ impl Recording {
         changed
             || self.rates_by_course(streams)
             || self.turn_depth(streams)
-            || self.count_pressure(streams)
             || self.turn_beams(streams)
             || self.turn_log(streams)
             || self.exchange(streams)
@@ -150,15 +146,19 @@ impl Recording {
         true
     }
 
-    /// Leaves out sensors of which no file has a valid sample.
+    /// Leaves out sensors of which no file has a valid sample, and receivers that never have a position.
     fn drop_empty(&mut self, streams: &[StreamSurvey]) -> bool {
-        let silent = |name: &str| streams.iter().any(|s| s.sensor == name && s.samples == 0);
+        let silent = |name: &str| find(streams, name).is_some_and(|s| s.samples == 0 || s.nowhere);
         let (empty, parts) = std::mem::take(&mut self.parts)
             .into_iter()
             .partition::<Vec<Part>, _>(|part| !DRIVING.contains(&part.name) && silent(part.name));
         self.parts = parts;
         let note = |part: &Part| {
-            format!("{}: {} has no valid sample for it: left out", part.name, part.file.display())
+            let lacks = match find(streams, part.name).is_some_and(|s| s.samples > 0) {
+                true => "no latitude and longitude in any row",
+                false => "no valid sample",
+            };
+            format!("{}: {} has {lacks} for it: left out", part.name, part.file.display())
         };
         let sensors = || empty.iter().filter(|p| p.name != "attitude");
         self.notes.extend(sensors().map(note));
@@ -427,28 +427,6 @@ impl Recording {
             "write the times of both on one clock, or shift one with `offset` of the key `time` in a \
              scenario",
         ))
-    }
-
-    /// Takes a pressure for one above the surface, where its first depth is then that of the position as
-    /// answered, and else ten metres off.
-    fn count_pressure(&mut self, streams: &[StreamSurvey]) -> bool {
-        let depth = self.height.map(|height| -height).filter(|depth| *depth > 0.0);
-        let first = find(streams, "depth").and_then(|s| s.first.get(0));
-        let Some((depth, first)) = depth.zip(first) else { return false };
-        let nearer = (first + ATMOSPHERE - depth).abs() < NEARER && first < depth - NEARER;
-        let Some(part) = self.part_mut("depth").filter(|_| nearer) else { return false };
-        let pressure = part.found.questions.iter().any(|q| q.contains("counts above vacuum"));
-        let keys = part.found.source.iter_mut().filter(|key| key.starts_with("columns.depth"));
-        let Some(key) = keys.filter(|_| pressure).find(|key| !key.contains("atmosphere")) else {
-            return false;
-        };
-        *key = key.replace("\" }", "\", atmosphere = \"0 Pa\" }");
-        let text =
-            "its pressure counts above the one at the surface, by the height of the position";
-        part.found.questions.retain(|q| !q.contains("counts above vacuum"));
-        part.found.questions.push(text.to_owned());
-        self.notes.push(format!("depth: {text}"));
-        true
     }
 
     /// Turns a depth that is below zero on average, and no pressure at a height above the sea.

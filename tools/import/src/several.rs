@@ -12,7 +12,9 @@ impl Recording {
     /// # Errors
     /// When no answer gives it.
     pub fn count_from(&mut self, position: Option<[f64; 3]>) -> Result<(), StreamError> {
-        self.height = position.map(|[.., height]| height);
+        if let Some([.., height]) = position {
+            self.settle_pressure(height);
+        }
         let point = position.map(|[latitude, longitude, height]| {
             format!(
                 "{{ latitude = \"{latitude} deg\", longitude = \"{longitude} deg\", height = \"{height} m\" }}"
@@ -32,6 +34,21 @@ impl Recording {
             }
         }
         Ok(())
+    }
+
+    /// Decides how a pressure counts by the height at the start, as answered.
+    fn settle_pressure(&mut self, height: f64) {
+        let Some(part) = self.part_mut("depth") else { return };
+        let Some(pressure) = &mut part.found.pressure else { return };
+        let (key, question) = (pressure.key(), pressure.question());
+        if !pressure.settle(-height) {
+            return;
+        }
+        let [new_key, new_question] = [pressure.key(), pressure.question()];
+        part.found.source.iter_mut().filter(|k| **k == key).for_each(|k| k.clone_from(&new_key));
+        part.found.questions.retain(|q| *q != question && !q.ends_with("by its size"));
+        part.found.questions.push(new_question.clone());
+        self.notes.push(format!("depth: {new_question}"));
     }
 
     /// Makes one inertial unit of gyros and accelerometers in two files.

@@ -84,6 +84,8 @@ pub struct StreamSurvey {
     /// Twice the logarithm of the likelihood by which the accelerations are those of a log whose second axis points the
     /// other way.
     pub against_right: f64,
+    /// Set for a receiver none of whose samples has a latitude and a longitude.
+    pub nowhere: bool,
 }
 
 /// A sensor while its samples are read.
@@ -185,6 +187,9 @@ impl Running {
             survey.white[k] = s.white();
             survey.wander[k] = s.wander();
         }
+        let angles = ["lat", "lon"].map(|name| survey.channel(name));
+        survey.nowhere =
+            survey.kind == "gnss" && angles.into_iter().flatten().any(|k| self.sums[k].is_empty());
         self.survey
     }
 }
@@ -274,6 +279,7 @@ pub fn survey(
                 earth: None,
                 sinks: None,
                 against_right: 0.0,
+                nowhere: false,
                 aimed: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),

@@ -52,6 +52,10 @@ impl Octave {
 }
 
 impl Sums {
+    pub fn is_empty(&self) -> bool {
+        self.count == 0.0
+    }
+
     pub fn add(&mut self, value: f64) {
         self.count += 1.0;
         self.mean += (value - self.mean) / self.count;

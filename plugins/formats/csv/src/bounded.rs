@@ -3,8 +3,8 @@
 //! never closed, would otherwise fill the memory with one row.
 
 use crate::folder::{Folder, is_folder};
-use crate::labelled::Labelled;
-use crate::stamps::Stamps;
+use crate::labelled::{self, Labelled};
+use crate::lines::{Backwards, Change, Lines};
 use crate::transposed::{self, Columns};
 use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
@@ -14,8 +14,9 @@ use std::path::Path;
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
-/// Bytes of zero in one piece that are no text, as a recorder without power leaves them.
+/// Bytes of zero in one piece that are no text, as a recorder without power leaves them, and the largest number of them.
 const HOLE: usize = 4096;
+const EMPTY: u64 = 1 << 30;
 /// Bytes by which a file with an array for each column is recognised.
 const BUFFER: usize = 16 * 1024;
 /// First bytes of a file that gzip packed.
@@ -38,6 +39,10 @@ pub struct Form {
     pub labels: Option<Vec<String>>,
     /// The mark that ends the stamp before each line, and the separator of the cells.
     pub stamps: Option<(String, char)>,
+    /// Widths of columns without a separator.
+    pub widths: Vec<u16>,
+    /// Number of lines before rows that run from the newest to the oldest.
+    pub backwards: Option<u64>,
 }
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
@@ -51,6 +56,8 @@ pub struct Bounded {
     line_begins: bool,
     /// Set if the bytes are not those of the file on the disk.
     changed: bool,
+    /// Number of bytes of zero that were left out.
+    zeros: u64,
     /// Number of bytes that were given, and the last of them.
     given: u64,
     last: u8,
@@ -97,12 +104,22 @@ impl Bounded {
         form: Form,
     ) -> io::Result<Self> {
         let (file, decoded) = in_utf8(Box::new(bytes))?;
-        let changes = form.joined || form.labels.is_some() || form.stamps.is_some();
+        let lines = form.stamps.is_some() || form.backwards.is_some() || !form.widths.is_empty();
+        let changes = form.joined || form.labels.is_some() || lines;
         let changed = changed || decoded || changes;
         let file: Box<dyn Read + Send> = match (form.labels.clone(), form.stamps.clone()) {
             (Some(headings), _) => Box::new(Labelled::new(file, headings)),
-            (None, Some((mark, delimiter))) => Box::new(Stamps::new(file, mark, delimiter)),
+            (None, Some((mark, delimiter))) => {
+                Box::new(Lines::new(file, Change::Stamp(mark, delimiter)))
+            }
+            (None, None) if !form.widths.is_empty() => {
+                Box::new(Lines::new(file, Change::Widths(form.widths.clone())))
+            }
             (None, None) => file,
+        };
+        let file = match form.backwards {
+            Some(above) => Box::new(Backwards::new(file, above)),
+            None => file,
         };
         Ok(Self {
             file,
@@ -112,6 +129,7 @@ impl Bounded {
             spaces: Spaces::default(),
             line_begins: true,
             changed,
+            zeros: 0,
             given: 0,
             last: b'\n',
         })
@@ -169,8 +187,9 @@ fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, 
     // more bytes than the mark of UTF-8, which the reader of the rows wants in one piece
     let mut mark = Vec::new();
     (&mut file).take(4).read_to_end(&mut mark)?;
-    let order = utf16::MARKS.iter().position(|known| mark.starts_with(known));
-    let rest = mark.split_off(if order.is_some() { 2 } else { 0 });
+    let marked = utf16::MARKS.iter().position(|known| mark.starts_with(known));
+    let order = marked.or_else(|| utf16::without_mark(&mark));
+    let rest = mark.split_off(if marked.is_some() { 2 } else { 0 });
     let file = Box::new(io::Cursor::new(rest).chain(file));
     Ok(match order {
         Some(k) => (Box::new(Utf16::new(file, k == 0)), true),
@@ -196,6 +215,21 @@ pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     file.take(rest as u64).read_to_end(&mut bytes)?;
     bytes.truncate(most);
     Ok(bytes)
+}
+
+/// The first records of each form of a file of JSON with objects, in at most this many bytes.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn records_of_all_forms(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut file = Bounded::open(path, BUFFER, Form::default())?;
+    let mut bytes = Vec::new();
+    (&mut file).take(BUFFER as u64).read_to_end(&mut bytes)?;
+    if is_of_columns(&bytes) {
+        return beginning(path, most);
+    }
+    let most = usize::try_from(most).unwrap_or(usize::MAX / 2);
+    labelled::of_all_forms(io::Cursor::new(bytes).chain(Unbounded(file)), most)
 }
 
 /// Tests whether a file begins with an array for each column.
@@ -240,6 +274,12 @@ impl Read for Bounded {
                 break count;
             }
             self.changed = true;
+            self.zeros += count as u64;
+            if self.zeros > EMPTY {
+                let text =
+                    format!("it has more than {EMPTY} bytes of zero, and no row behind them");
+                return Err(io::Error::new(ErrorKind::InvalidData, text));
+            }
         };
         let count = self.within(&bytes[..count]);
         self.reform(&mut bytes[..count]);
@@ -291,5 +331,17 @@ impl Spaces {
                 return Ok(length);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stream_of_zeros_without_an_end_is_an_error() {
+        let endless = Bounded::new(io::repeat(0), false, BUFFER, Form::default());
+        let read = endless.and_then(|mut file| io::copy(&mut file, &mut io::sink()));
+        assert!(read.is_err_and(|error| error.to_string().contains("bytes of zero")));
     }
 }

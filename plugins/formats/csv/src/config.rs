@@ -73,6 +73,10 @@ pub struct FileConfig {
     /// Text behind the stamp that a terminal program wrote before each line, such as `->` of the Arduino IDE, or `]`: the
     /// stamp is then the first cell of the line. Default: none.
     pub stamps: Option<String>,
+    /// Widths in characters of columns without separators, as in `-0.123-9.807`: commas then stand between them. Default: none.
+    pub widths: Vec<u16>,
+    /// Set if the rows run from the newest to the oldest. Memory holds the file, of at most 256 MiB. Default: false.
+    pub backwards: bool,
     /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
     pub decimal: Decimal,
     /// Texts of the cells that a row must have, by heading, in a file with rows of several kinds:
@@ -111,6 +115,8 @@ impl Default for FileConfig {
             vectors: BTreeMap::new(),
             labels: false,
             stamps: None,
+            widths: Vec::new(),
+            backwards: false,
             decimal: Decimal::default(),
             rows: BTreeMap::new(),
             valid: None,

@@ -8,10 +8,14 @@ use crate::transposed::{self, Columns};
 use crate::wrapped;
 use crate::xml;
 use crate::yaml;
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read, Result};
 
 /// Bytes by which the form is found.
 const BEGINNING: u64 = 16 * 1024;
+/// Number of records of each form by which a file is recognised, and of forms.
+const EACH: usize = 4000;
+const FORMS: usize = 100;
 /// The form of the records.
 enum Form {
     /// Objects of JSON, and lines.
@@ -139,6 +143,28 @@ pub fn records(text: &str) -> Vec<Vec<(String, String)>> {
         records.pop();
     }
     records
+}
+
+/// The first records of JSON of each form, which their paths make, in at most so many bytes: the records of a second array
+/// may begin anywhere.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn of_all_forms(file: impl Read, most: usize) -> Result<Vec<u8>> {
+    let (mut file, mut text) = (Records::new(file), Vec::new());
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    while file.advance()? {
+        let mut form = String::new();
+        file.values(|name, _| form.extend([name, "\n"]));
+        let known = counts.contains_key(&form) || counts.len() < FORMS;
+        let count = counts.entry(if known { form } else { String::new() }).or_default();
+        *count += 1;
+        if *count <= EACH && text.len() + file.record.len() < most {
+            text.extend(file.record.iter().map(|b| if *b == b'\n' { b' ' } else { *b }));
+            text.push(b'\n');
+        }
+    }
+    Ok(text)
 }
 
 /// The records of a file as rows of a table, with a cell for each heading.

@@ -5,6 +5,9 @@ use crate::paths::join;
 /// Deepest nesting of an object.
 const DEEPEST: usize = 32;
 
+/// Quotation marks of JSON, and of the printed objects of Python.
+const QUOTES: [char; 2] = ['"', '\''];
+
 /// A container of JSON: the length of its path, the next index of an array, and whether an object has
 /// a key that waits for its value.
 struct Level {
@@ -43,7 +46,7 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
                 join(&mut path, &index.to_string());
                 *index += 1;
             }
-        } else if first == '"'
+        } else if QUOTES.contains(&first)
             && let Some(level) = levels.last_mut()
         {
             let (key, after) = string(rest);
@@ -59,7 +62,7 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
                 levels.push(Level { base: path.len(), index, keyed: false });
                 rest = &rest[1..];
             }
-            '"' => {
+            '"' | '\'' => {
                 let (value, after) = string(rest);
                 found(&path, value);
                 rest = after;
@@ -76,10 +79,10 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
 
 /// The text of a string at the beginning, with its escapes, and what follows.
 fn string(text: &str) -> (&str, &str) {
-    let inner = &text[1..];
+    let (quote, inner) = (text.chars().next(), &text[1..]);
     let mut escaped = false;
     let end = inner.find(|c: char| {
-        let ends = c == '"' && !escaped;
+        let ends = Some(c) == quote && !escaped;
         escaped = c == '\\' && !escaped;
         ends
     });

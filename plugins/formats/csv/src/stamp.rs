@@ -297,7 +297,7 @@ fn minute_of(cells: [&[u8]; 5]) -> Option<i64> {
     Calendar { year, month, day, hour, minute, second: 0, nanos: 0 }.unix_nanos()
 }
 
-/// Nanoseconds since midnight of a text such as `08:30:00.25`, `8:30:00.25 AM` or `083000.25`.
+/// Nanoseconds since midnight of a text such as `08:30:00.25`, `8:30:00.25 AM`, `083000.25` or `30:00.25`.
 fn time_of_day(text: &str) -> Option<i64> {
     // pandas writes a span as `0 days 08:30:00.25`
     let (days, text) = text.split_once(" days ").unwrap_or(("0", text));
@@ -306,8 +306,12 @@ fn time_of_day(text: &str) -> Option<i64> {
     let text = std::str::from_utf8(text).ok()?;
     let (hour, minute, seconds) = match text.split_once(':') {
         Some((hour, rest)) => {
-            let (minute, seconds) = rest.split_once(':')?;
-            (hour.parse().ok()?, minute.parse().ok()?, seconds)
+            match rest.split_once(':') {
+                Some((minute, seconds)) => (hour.parse().ok()?, minute.parse().ok()?, seconds),
+                // minutes and seconds, as spreadsheets show them
+                None if rest.contains('.') => (0, hour.parse().ok()?, rest),
+                None => return None,
+            }
         }
         None => {
             let digits = text.find('.').unwrap_or(text.len());

@@ -129,6 +129,8 @@ impl Stream {
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
             labels: config.labels.then(|| config.headings.clone()).flatten(),
             stamps: config.stamps.clone().map(|mark| (mark, char::from(config.delimiter.byte()))),
+            widths: config.widths.clone(),
+            backwards: config.backwards.then(|| config.skip + u64::from(config.headings.is_none())),
         };
         if config.labels && config.headings.is_none() {
             let text = format!("files.{name}.labels needs the names of the values: set headings");

@@ -22,7 +22,12 @@ const MAX_POWER: i64 = 40;
 /// `unit` of the number is given in nanoseconds, at most a day.
 pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
     let inside = |n: &i64| n.unsigned_abs() < Time::MAX.nanos().unsigned_abs();
-    let nanos = i64::try_from(nanos(text, unit)?).ok().filter(inside);
+    let plain = || crate::number::plain(std::str::from_utf8(text).ok()?);
+    let nanos = nanos(text, unit).or_else(|error| match plain() {
+        Some(text) if error == TimeError::NotANumber => nanos(text.as_bytes(), unit),
+        _ => Err(error),
+    })?;
+    let nanos = i64::try_from(nanos).ok().filter(inside);
     nanos.map(Time::from_nanos).ok_or(TimeError::TooLarge)
 }
 

@@ -8,16 +8,52 @@ use std::io::{Error, ErrorKind, Read, Result};
 
 /// Least number of elements of the first array, at the beginning of a file.
 const LEAST: usize = 24;
-/// Largest size of such a file in bytes: it is read as a whole.
-const LARGEST: u64 = 1 << 30;
+/// Largest size of such a file in bytes: it is read as a whole, and takes twice as much memory.
+const LARGEST: u64 = 1 << 28;
 /// Keys whose array in an element of a list is a column, and those that name it.
 const VALUES: [&str; 3] = ["data", "values", "value"];
 const NAMES: [&str; 3] = ["type", "name", "key"];
 
+/// The cells of a column, one after another in one text, so that they take no more memory than in the file.
+#[derive(Default)]
+struct Cells {
+    text: String,
+    count: usize,
+    /// Place of the cell of this row, and of the next one.
+    here: [usize; 2],
+}
+
+/// Ends a cell.
+const END: char = '\0';
+
+impl Cells {
+    fn push(&mut self, cell: &str) {
+        self.text.extend(cell.chars().filter(|c| *c != END));
+        self.text.push(END);
+        self.count += 1;
+    }
+
+    /// Goes on to the next cell.
+    fn advance(&mut self) {
+        let from = self.here[1];
+        let end = self.text[from..].find(END).map_or(from, |at| from + at + 1);
+        self.here = [from, end];
+    }
+
+    /// The cell of this row; `None` behind the last one.
+    fn cell(&self) -> Option<&str> {
+        self.text[self.here[0]..self.here[1]].strip_suffix(END)
+    }
+
+    fn all(&self) -> Vec<&str> {
+        self.text.split_terminator(END).collect()
+    }
+}
+
 /// The columns of a file.
 #[derive(Default)]
 pub struct Columns {
-    columns: Vec<(String, Vec<String>)>,
+    columns: Vec<(String, Cells)>,
     rows: usize,
     at: usize,
 }
@@ -92,7 +128,7 @@ impl Columns {
 
     fn of(text: &str) -> Self {
         let listed = text.trim_start().starts_with('[');
-        let mut columns: BTreeMap<String, (usize, Vec<String>)> = BTreeMap::new();
+        let mut columns: BTreeMap<String, (usize, Cells)> = BTreeMap::new();
         let mut names: BTreeMap<String, String> = BTreeMap::new();
         let mut order = 0;
         object(text.trim(), |path, value| {
@@ -115,25 +151,24 @@ impl Columns {
             name.extend(&parts[k + 1..]);
             let column = columns.entry(name.join(".")).or_insert_with(|| {
                 order += 1;
-                (order, Vec::new())
+                (order, Cells::default())
             });
             // elements come in their order
-            if row == column.1.len() {
-                column.1.push(value.to_owned());
-            } else if row > column.1.len() && row - column.1.len() < 1 << 20 {
-                column.1.resize(row, String::new());
-                column.1.push(value.to_owned());
+            if row >= column.1.count && row - column.1.count < 1 << 20 {
+                (column.1.count..row).for_each(|_| column.1.push(""));
+                column.1.push(value);
             }
         });
         let headings = columns.remove("columns").map(|(_, names)| names);
-        let rows = columns.values().map(|(_, cells)| cells.len()).max().unwrap_or(0);
+        let headings = headings.as_ref().map(Cells::all);
+        let rows = columns.values().map(|(_, cells)| cells.count).max().unwrap_or(0);
         let name = |path: &str| {
             let (first, rest) = path.split_once('.').map_or((path, ""), |(a, b)| (a, b));
             let of_list = || names.get(first).map(|name| (name.clone(), rest));
             let of_split = || {
                 let (k, after) = rest.split_once('.').map_or((rest, ""), |(a, b)| (a, b));
                 let heading = headings.as_ref().filter(|_| first == "data")?;
-                Some((heading.get(k.parse::<usize>().ok()?)?.clone(), after))
+                Some(((*heading.get(k.parse::<usize>().ok()?)?).to_owned(), after))
             };
             match of_list().filter(|_| listed).or_else(of_split) {
                 Some((name, "")) => name,
@@ -141,23 +176,26 @@ impl Columns {
                 None => path.to_owned(),
             }
         };
-        let long = columns.iter().filter(|(_, (_, cells))| 2 * cells.len() > rows);
-        let mut long: Vec<_> = long.collect();
-        long.sort_by_key(|(_, (order, _))| *order);
-        let columns = long.into_iter().map(|(path, (_, cells))| (name(path), cells.clone()));
-        Self { columns: columns.collect(), rows, at: 0 }
+        let long = |(path, (order, cells)): (String, (usize, Cells))| {
+            (2 * cells.count > rows).then(|| (order, name(&path), cells))
+        };
+        let mut long: Vec<_> = columns.into_iter().filter_map(long).collect();
+        long.sort_by_key(|(order, ..)| *order);
+        let columns = long.into_iter().map(|(_, name, cells)| (name, cells)).collect();
+        Self { columns, rows, at: 0 }
     }
 
     /// Goes on to the next row; `false` at the end.
     pub fn advance(&mut self) -> bool {
         self.at += 1;
+        self.columns.iter_mut().for_each(|(_, cells)| cells.advance());
         self.at <= self.rows
     }
 
     /// Calls `found` with the name and the text of each value of the row.
     pub fn values(&self, mut found: impl FnMut(&str, &str)) {
         for (name, cells) in &self.columns {
-            if let Some(cell) = self.at.checked_sub(1).and_then(|k| cells.get(k)) {
+            if let Some(cell) = cells.cell() {
                 found(name, cell);
             }
         }

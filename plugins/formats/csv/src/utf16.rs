@@ -8,6 +8,16 @@ const CHUNK: usize = 16 * 1024;
 /// First bytes of a file of UTF-16: little-endian and big-endian.
 pub const MARKS: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
 
+/// The index of the order of a text without a mark, whose first two characters are plain.
+pub fn without_mark(beginning: &[u8]) -> Option<usize> {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b" \"#%-.".contains(&b);
+    match *beginning {
+        [a, 0, b, 0] if plain(a) && plain(b) => Some(0),
+        [0, a, 0, b] if plain(a) && plain(b) => Some(1),
+        _ => None,
+    }
+}
+
 /// The characters of a file of UTF-16. A unit without its pair becomes U+FFFD.
 pub struct Utf16<R> {
     file: R,

@@ -14,6 +14,7 @@ mod strangers;
 mod times;
 mod tracks;
 mod untidy;
+mod written;
 
 use crate::import_layouts::Recorded;
 use navfuse_core::state::geodesy::Geodetic;
@@ -203,4 +204,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&strangers::PROGRAMS)
         .chain(&notations::PROGRAMS)
         .chain(&loggers::PROGRAMS)
+        .chain(&written::PROGRAMS)
 }

@@ -1,13 +1,10 @@
 //! Headings that mean something beside others alone: axes, a height under water, parts of a degree.
 
 use super::columns::{ACCEL, Chosen, GYRO, Table};
-use super::units;
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
+use crate::pressure::Pressure;
 use navfuse_core::document::quoted;
-
-/// Words of a pressure above the one at the surface.
-const GAUGE: [&str; 3] = ["sea", "gauge", "relative"];
 
 impl Table<'_> {
     /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
@@ -72,19 +69,22 @@ impl Table<'_> {
     /// A depth by the pressure of water; `None` for a pressure of air, and without one.
     pub(super) fn pressure(&self) -> Option<Found> {
         let (k, meaning) = self.find("pressure")?;
-        let (heading, values) = (self.heading(*k), self.layout.column(*k));
-        let (unit, by_size) = units::pressure(&values, meaning.unit.as_deref())?;
-        let gauge = vocabulary::words(heading).iter().any(|word| GAUGE.contains(&word.as_str()));
-        let absolute = by_size && !gauge;
-        let atmosphere = if absolute { "" } else { ", atmosphere = \"0 Pa\"" };
-        let column = quoted(heading);
-        let key = format!("columns.depth = {{ column = {column}, unit = \"{unit}\"{atmosphere} }}");
-        let side = if absolute { "above vacuum, with 101325 Pa at" } else { "above the one at" };
-        let mut questions = vec![format!("the pressure {heading} counts {side} the surface")];
-        if meaning.unit.is_none() {
-            questions.push(format!("the unit of {heading}: {unit} by its size"));
+        let heading = self.heading(*k);
+        let mut words = vocabulary::words(heading);
+        words.extend(self.layout.units.get(*k).iter().flat_map(|unit| vocabulary::words(unit)));
+        let stated = meaning.unit.as_deref();
+        let pressure = Pressure::of(heading, &words, &self.layout.column(*k), stated)?;
+        let mut questions = vec![pressure.question()];
+        if stated.is_none() {
+            questions.push(format!("the unit of {heading}: {} by its size", pressure.unit()));
         }
-        Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+        Some(Found {
+            kind: "depth",
+            source: vec![pressure.key()],
+            questions,
+            pressure: Some(pressure),
+            ..Found::default()
+        })
     }
 
     /// The column of the height of the geoid, beside a height that is not said to be above the

@@ -417,6 +417,8 @@ fn second_of_day(cell: &str) -> f64 {
         time.split(':').map(|p| p.replace(',', ".").parse().unwrap_or(f64::NAN)).collect();
     match *parts.as_slice() {
         [hour, minute, second] => (hour * 60.0 + minute) * 60.0 + second,
+        // as spreadsheets show minutes
+        [minute, second] if time.contains(['.', ',']) => minute * 60.0 + second,
         // milliseconds after a third colon
         [hour, minute, second, milli] => (hour * 60.0 + minute) * 60.0 + second + 1e-3 * milli,
         _ => f64::NAN,

@@ -36,6 +36,9 @@ const REPEATED: f64 = 0.5;
 /// Least number of rows of zeros that are no velocity, and of others that are one.
 const ZEROS: usize = 3;
 const MOVES: usize = 10;
+/// The reason why rows from the newest to the oldest are read in the other order.
+pub const BACKWARDS: &str = "the times of its rows run backwards: sort the rows by their time";
+
 /// A table with the meanings of its columns.
 pub struct Table<'a> {
     pub(super) layout: &'a Layout,
@@ -171,9 +174,7 @@ impl<'a> Table<'a> {
         let half = !inertial && (self.has(&GYRO) || self.has(&ACCEL));
         let clock = self.clock(if inertial || half { IMU_INTERVAL } else { AID_INTERVAL })?;
         if units::step(&clock.seconds) < 0.0 {
-            return Err(
-                "the times of its rows run backwards: sort the rows by their time".to_owned()
-            );
+            return Err(BACKWARDS.to_owned());
         }
         let mut sensors = Vec::new();
         if inertial {

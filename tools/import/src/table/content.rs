@@ -24,9 +24,27 @@ pub fn increases(values: &[f64]) -> bool {
     !steps.is_empty() && even as f64 >= EVEN * steps.len() as f64
 }
 
-/// Tests whether a column counts the rows.
+/// Tests whether a column counts the rows, of which those of another sensor may be missing.
 fn counts(values: &[f64]) -> bool {
-    values.windows(2).all(|v| v[1] - v[0] == 1.0)
+    let ones = values.windows(2).filter(|v| v[1] - v[0] == 1.0).count();
+    ones as f64 >= EVEN * (values.len() - 1) as f64 && values.iter().all(|v| v.fract() == 0.0)
+}
+
+/// The column with a date or a time of the day as text.
+pub fn stamps(layout: &Layout) -> Option<usize> {
+    let cells = |k: usize| layout.rows.iter().map(move |row| row.get(k).map_or("", String::as_str));
+    let is_stamp = |k: &usize| {
+        cells(*k).next().is_some_and(|cell| cell.contains(':'))
+            && cells(*k).all(|cell| second_of_text(cell).is_finite())
+    };
+    (0..layout.width()).find(is_stamp)
+}
+
+/// The column before a time of the day that has its date.
+pub fn day_before(layout: &Layout, time: usize) -> Option<usize> {
+    let day = |cell: &String| ['/', '-', '.'].iter().any(|c| cell.matches(*c).count() == 2);
+    let before = time.checked_sub(1)?;
+    layout.rows.iter().all(|row| row.get(before).is_some_and(day)).then_some(before)
 }
 
 /// Tests whether a column has the nanoseconds of the whole seconds in the column before it.
@@ -81,14 +99,12 @@ pub fn by_file(layout: &Layout, name: &str) -> Option<(Vec<String>, String)> {
 
 fn names(layout: &Layout) -> Option<Vec<String>> {
     let width = layout.width();
-    let stamps = |k: usize| -> Vec<f64> {
+    let of_text = |k: usize| -> Vec<f64> {
         let cell = |row: &Vec<String>| row.get(k).map_or(f64::NAN, |cell| second_of_text(cell));
         layout.rows.iter().map(cell).collect()
     };
-    let is_text =
-        |k: usize| layout.rows.first().and_then(|row| row.get(k)).is_some_and(|c| c.contains(':'));
-    let dated = (0..width).find(|k| is_text(*k) && stamps(*k).iter().all(|t| t.is_finite()));
-    let column = |k: usize| if dated == Some(k) { stamps(k) } else { layout.column(k) };
+    let dated = stamps(layout);
+    let column = |k: usize| if dated == Some(k) { of_text(k) } else { layout.column(k) };
     let columns: Vec<Vec<f64>> = (0..width).map(column).collect();
     let counter = |k: usize| layout.headings.get(k).is_some_and(|h| counts_rows(h, &columns[k]));
     let rising = (0..width).filter(|k| increases(&columns[*k]) && !counter(*k));
@@ -133,9 +149,7 @@ fn names(layout: &Layout) -> Option<Vec<String>> {
         }
         None => names[time] = "time".to_owned(),
     }
-    let day = |cell: &String| ['/', '-', '.'].iter().any(|c| cell.matches(*c).count() == 2);
-    let before = time.checked_sub(1).filter(|_| dated == Some(time));
-    if let Some(k) = before.filter(|k| layout.rows.iter().all(|row| row.get(*k).is_some_and(day))) {
+    if let Some(k) = day_before(layout, time).filter(|_| dated == Some(time)) {
         names[k] = "date".to_owned();
     }
     let mut name = |first: usize, channels: [&str; 3]| {

@@ -12,6 +12,10 @@ const LINES: usize = 10;
 const SHARE: f64 = 0.95;
 /// Largest number of kinds.
 const KINDS: usize = 200;
+/// Number of lines by which a cell counts them.
+const SOME: usize = 100;
+/// Number of unused kinds that are named.
+const NOTED: usize = 10;
 /// The kind that describes the columns of the others, as ArduPilot writes it: type, length, name,
 /// format, headings.
 const DESCRIPTION: &str = "FMT";
@@ -64,6 +68,14 @@ fn kinds(text: &str, place: usize) -> Vec<Kind<'_>> {
     if several && most { kinds } else { Vec::new() }
 }
 
+/// Tests whether a cell counts the lines.
+fn counts(text: &str, place: usize) -> bool {
+    let lines = text.lines().filter(|line| !line.trim().is_empty()).take(SOME);
+    let numbers: Option<Vec<i64>> =
+        lines.map(|line| cells(line).get(place)?.parse::<i64>().ok()).collect();
+    numbers.is_some_and(|n| n.len() == SOME && n.windows(2).all(|n| n[1] == n[0] + 1))
+}
+
 /// Tests whether kinds differ in their numbers of cells.
 fn of_several_widths(kinds: &[Kind<'_>]) -> bool {
     let count = |kind: &Kind<'_>| cells(kind.lines[0]).len();
@@ -74,9 +86,11 @@ fn of_several_widths(kinds: &[Kind<'_>]) -> bool {
 
 /// The headings of rows with a time and a vector or a number, by the name of their kind.
 fn by_name(layout: &Layout, kind: &Kind<'_>, place: usize) -> Option<Vec<String>> {
-    let mut columns = (0..layout.width()).filter(|k| *k != place);
-    let time = columns.find(|k| content::increases(&layout.column(*k)))?;
-    let free: Vec<usize> = columns.collect();
+    let columns = || (0..layout.width()).filter(|k| *k != place);
+    let counted = || columns().find(|k| content::increases(&layout.column(*k)));
+    let stamps = content::stamps(layout);
+    let time = stamps.or_else(counted)?;
+    let free: Vec<usize> = columns().filter(|k| *k > time).collect();
     let channel = |heading: &str| meaning(heading).map(|m| m.channel);
     let axes = ["x", "y", "z"].map(|axis| channel(&format!("{} {axis}", kind.name)));
     let named: Vec<&str> = match axes {
@@ -85,6 +99,9 @@ fn by_name(layout: &Layout, kind: &Kind<'_>, place: usize) -> Option<Vec<String>
     };
     let mut headings: Vec<String> = (1..=layout.width()).map(|k| format!("column_{k}")).collect();
     headings[time] = "time".to_owned();
+    if let Some(day) = content::day_before(layout, time).filter(|_| stamps.is_some()) {
+        headings[day] = "date".to_owned();
+    }
     named.iter().zip(&free).for_each(|(name, k)| headings[*k] = (*name).to_owned());
     (!named.is_empty()).then_some(headings)
 }
@@ -106,18 +123,34 @@ fn described(text: &str, kinds: &[Kind<'_>], name: &str) -> Option<Vec<String>> 
 }
 
 /// The sensors of one kind of rows.
-fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>, place: usize) -> Vec<Found> {
+fn of(
+    text: &str,
+    kinds: &[Kind<'_>],
+    kind: &Kind<'_>,
+    (place, counters): (usize, &[usize]),
+) -> Vec<Found> {
     let rows = kind.lines.join("\n") + "\n";
     let Some(mut layout) = Layout::of(&rows) else { return Vec::new() };
     let mut questions = Vec::new();
+    // a number that counts the lines of all kinds is no time
+    for cells in layout.rows.iter_mut() {
+        (0..cells.len()).filter(|k| counters.contains(k)).for_each(|k| cells[k].clear());
+    }
     let described = described(text, kinds, kind.name).filter(|_| place == 0);
     let headings = match described {
         Some(headings) if headings.len() == layout.width() => Some(headings),
-        _ => by_name(&layout, kind, place).or_else(|| {
-            let (headings, question) = content::headings(&layout)?;
-            questions.push(question);
-            Some(headings)
-        }),
+        _ => {
+            let mut content = || {
+                let (headings, question) = content::headings(&layout)?;
+                questions.push(question);
+                Some(headings)
+            };
+            // a letter alone may be any word
+            match kind.name.len() {
+                1 => content().or_else(|| by_name(&layout, kind, place)),
+                _ => by_name(&layout, kind, place).or_else(content),
+            }
+        }
     };
     let Some(mut headings) = headings else { return Vec::new() };
     headings[place] = "kind".to_owned();
@@ -140,13 +173,14 @@ fn of(text: &str, kinds: &[Kind<'_>], kind: &Kind<'_>, place: usize) -> Vec<Foun
 pub fn sensors(text: &str) -> Vec<Found> {
     let found = |place: usize| {
         let kinds = kinds(text, place);
+        let counters: Vec<usize> = (0..PLACES).filter(|k| counts(text, *k)).collect();
         let described = kinds.iter().any(|kind| kind.name == DESCRIPTION);
         let wanted: &[&str] = if described { &SENSORS } else { &NAMED };
         let mut sensors: Vec<Found> = Vec::new();
-        let mut used = 0;
+        let (mut used, mut unused) = (0, Vec::new());
         for kind in kinds.iter().filter(|kind| kind.lines.len() > 1) {
             let before = sensors.len();
-            for found in of(text, &kinds, kind, place) {
+            for found in of(text, &kinds, kind, (place, &counters)) {
                 match sensors.iter_mut().find(|known| known.kind == found.kind) {
                     _ if !wanted.contains(&found.kind) => {}
                     Some(known) if found.velocity && !known.velocity => *known = found,
@@ -154,7 +188,14 @@ pub fn sensors(text: &str) -> Vec<Found> {
                     None => sensors.push(found),
                 }
             }
-            used += usize::from(sensors.len() > before);
+            match sensors.len() > before {
+                true => used += 1,
+                false => unused.push(kind.name),
+            }
+        }
+        if let Some(first) = sensors.first_mut().filter(|_| !described && !unused.is_empty()) {
+            unused.truncate(NOTED);
+            first.questions.push(format!("the rows of {} are not used", unused.join(", ")));
         }
         // rows of one width with a word before them may be one table; a word further on may be a status
         let whole = sensors.len() > 1 || of_several_widths(&kinds);

@@ -60,6 +60,8 @@ pub struct Layout {
     pub rows: Vec<Vec<String>>,
     /// Units after the numbers of the cells.
     suffixes: Vec<String>,
+    /// Set if the rows run from the newest to the oldest.
+    backwards: bool,
     /// Numbers that stand for no measurement, by the index of their columns.
     pub missing: Vec<(usize, f64)>,
 }
@@ -336,6 +338,13 @@ impl Layout {
         Self { headings, given: true, skip: self.before, units: Vec::new(), ..self.clone() }
     }
 
+    /// The rows in the other order.
+    pub fn reversed(&self) -> Self {
+        let rows = self.rows.iter().rev().cloned().collect();
+        let skip = if self.labels { self.skip } else { self.before };
+        Self { rows, given: true, skip, backwards: !self.backwards, ..self.clone() }
+    }
+
     fn mark(&mut self, comment: char) {
         if comment != '#' {
             self.comment = Some(comment);
@@ -361,6 +370,9 @@ impl Layout {
         if self.given {
             let list: Vec<String> = self.of_file().iter().map(|h| quoted(h)).collect();
             keys.push(format!("headings = [{}]", list.join(", ")));
+        }
+        if self.backwards {
+            keys.push("backwards = true".to_owned());
         }
         if self.until > 0 {
             keys.push(format!("until = {}", self.until));

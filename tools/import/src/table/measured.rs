@@ -1,6 +1,6 @@
 //! A table without the numbers that stand for no measurement.
 
-use super::columns::Table;
+use super::columns::{BACKWARDS, Table};
 use super::layout::Layout;
 use crate::found::Found;
 
@@ -13,5 +13,9 @@ pub fn measured(
 ) -> Result<Vec<Found>, String> {
     let columns = Table::new(&layout, name, Vec::new()).measured();
     layout.leave_out(&columns);
-    Table::new(&layout, name, questions).sensors()
+    let found = Table::new(&layout, name, questions.clone()).sensors();
+    if found.as_ref().is_err_and(|why| why == BACKWARDS) {
+        return Table::new(&layout.reversed(), name, questions).sensors();
+    }
+    found
 }

@@ -30,6 +30,7 @@ mod units;
 mod unknown;
 mod vbox;
 mod vocabulary;
+mod widths;
 
 use crate::found::Found;
 pub use angles::IN_E7;
@@ -72,6 +73,13 @@ fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, Stri
         }
         return Ok(found);
     }
+    if let Some((text, widths)) = widths::apart(beginning) {
+        let mut found = of_text(&text, name, false)?;
+        for sensor in &mut found {
+            sensor.source.push(format!("widths = {widths:?}"));
+        }
+        return Ok(found);
+    }
     if let Some(found) = sections::sensors(beginning, name) {
         return Ok(found);
     }
@@ -91,7 +99,12 @@ fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, Stri
         if let Some(found) = plain::without_headings(&layout) {
             return Ok(vec![found]);
         }
-        let found = content::headings(&layout).or_else(|| content::by_file(&layout, name));
+        let named =
+            |layout: &Layout| content::headings(layout).or_else(|| content::by_file(layout, name));
+        let found = named(&layout).or_else(|| {
+            layout = layout.reversed();
+            named(&layout)
+        });
         let Some((headings, question)) = found else {
             return Err("its first line holds numbers, not headings, and no columns look like a \
                         time with a specific force and angular rates, or with positions: write \

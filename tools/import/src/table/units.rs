@@ -42,6 +42,8 @@ pub const IMU_INTERVAL: f64 = 0.01;
 pub const AID_INTERVAL: f64 = 0.3;
 /// Seconds since 1970 of the years 2000 and 2050, and of GPS time in the same years.
 const UNIX: RangeInclusive<f64> = 9.4e8..=2.6e9;
+/// Intervals that a recording can have, s.
+const STEP: RangeInclusive<f64> = 1e-5..=1e3;
 /// Units of a time with their factors.
 const TIMES: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
@@ -288,12 +290,14 @@ pub fn step(values: &[f64]) -> f64 {
 pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
     let first = values.iter().copied().find(|v| v.is_finite())?;
     let last = values.iter().rev().copied().find(|v| v.is_finite())?;
-    let dated = |(_, factor): &&(&str, f64)| UNIX.contains(&(last * factor));
+    let step = step(values);
+    // a date in nanoseconds of a clock that counts from its start has no possible interval
+    let possible = |factor: f64| step <= 0.0 || step.is_nan() || STEP.contains(&(step * factor));
+    let dated = |(_, factor): &&(&str, f64)| UNIX.contains(&(last * factor)) && possible(*factor);
     if let Some((unit, _)) = TIMES.iter().find(dated) {
         let why = format!("{first} is a date in {unit} since 1970");
         return Some(decided(unit, why, Evidence::Strong));
     }
-    let step = step(values);
     if step.is_nan() || step <= 0.0 {
         return None;
     }
@@ -312,30 +316,6 @@ pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
     // a factor of a thousand lies between the units; in its middle nothing decides
     let clear = others[1] - others[0] > 1.5;
     Some(decided(unit, why, if clear { Evidence::Weak } else { Evidence::None }))
-}
-
-/// Units of a pressure without a stated one, with the least number of each in water or air: a smaller
-/// number is a pressure above the one at the surface.
-const PRESSURES: [(&str, f64); 3] = [("Pa", 2e4), ("hPa", 500.0), ("kPa", 80.0)];
-/// Pressures of the air, Pa, and the range by which a pressure is one of water: 30 cm.
-const AIR: RangeInclusive<f64> = 5e4..=1.1e5;
-const WATER: f64 = 3e3;
-/// Pressures of the air at sea level, bar.
-const SURFACE: RangeInclusive<f64> = 0.97..=1.05;
-
-/// The unit of a pressure of water, and `true` if it counts from vacuum; `None` for one of air.
-pub fn pressure(values: &[f64], stated: Option<&str>) -> Option<(String, bool)> {
-    let finite = || values.iter().copied().filter(|v| v.is_finite());
-    let (least, most) =
-        finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-    let by_size = || PRESSURES.iter().find(|(_, number)| least >= *number).map(|(unit, _)| *unit);
-    // one bar is the air, and another small number a gauge pressure in decibar, metres of water
-    let in_air = || SURFACE.contains(&least).then_some("bar");
-    let unit = stated.or_else(by_size).or_else(in_air).unwrap_or("dbar");
-    let size = factor(unit);
-    let absolute = least * size > *AIR.start();
-    let wet = (most - least) * size > WATER || most * size > *AIR.end();
-    (wet || !absolute).then(|| (unit.to_owned(), absolute))
 }
 
 /// The unit of the velocities of a log by their size: none is faster than 12 m/s.

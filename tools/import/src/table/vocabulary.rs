@@ -238,6 +238,10 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
             follows.then_some(Meaning { rank: meaning.rank + BEHIND * k, ..meaning })
         })
     });
+    // velocities that an inertial unit integrates are none of a log
+    let integrated = words.iter().any(|w| w == "imu");
+    let log = |meaning: &Meaning| ["vel_x", "vel_y", "vel_z"].contains(&meaning.channel);
+    let meaning = meaning.filter(|meaning| !(integrated && log(meaning)));
     // accelerations that a receiver derives from its velocity are no specific forces
     let derived = words.iter().any(|w| RECEIVER.contains(&w.as_str()));
     meaning.map(|meaning| {

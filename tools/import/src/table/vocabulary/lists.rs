@@ -108,9 +108,24 @@ pub const BEHIND: usize = 100;
 
 /// Words for a number: its channel, its SI unit, and the sign.
 pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
-    ("gyro_x", "rad/s", 1.0, &["rollrate", "p", "rollvelocity", "wankrate", "vitessederoulis"]),
-    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q", "pitchvelocity", "nickrate", "vitessedetangage"]),
-    ("gyro_z", "rad/s", 1.0, &["yawrate", "r", "yawvelocity", "gierrate", "vitessedelacet"]),
+    (
+        "gyro_x",
+        "rad/s",
+        1.0,
+        &["rollrate", "p", "rollvelocity", "rollvel", "wankrate", "vitessederoulis"],
+    ),
+    (
+        "gyro_y",
+        "rad/s",
+        1.0,
+        &["pitchrate", "q", "pitchvelocity", "pitchvel", "nickrate", "vitessedetangage"],
+    ),
+    (
+        "gyro_z",
+        "rad/s",
+        1.0,
+        &["yawrate", "r", "yawvelocity", "yawvel", "gierrate", "vitessedelacet"],
+    ),
     ("accel_x", "m/s^2", 1.0, &["längsbeschleunigung", "laengsbeschleunigung"]),
     ("accel_y", "m/s^2", 1.0, &["querbeschleunigung"]),
     ("accel_z", "m/s^2", 1.0, &["vertikalbeschleunigung", "hochbeschleunigung"]),
@@ -194,7 +209,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
     ("roll", "rad", 1.0, &["roll", "phi"]),
     ("pitch", "rad", 1.0, &["pitch"]),
     ("yaw", "rad", 1.0, &["yaw", "heading", "azimuth", "psi", "hdg"]),
-    ("depth", "m", 1.0, &["depth", "depthofsensor"]),
+    ("depth", "m", 1.0, &["depth", "depthofsensor", "dep"]),
     // heights alone, of which a table under water makes a depth
     ("z", "m", 1.0, &["z", "posz", "positionz", "zpos", "zup", "zdown"]),
     // velocities along the axes of the vehicle
