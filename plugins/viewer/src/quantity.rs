@@ -41,13 +41,16 @@ pub struct Quantity {
 /// The quantity of a channel.
 pub fn quantity(channel: &Channel) -> Quantity {
     let of = |name: &str, unit, conversion| Quantity { name: name.to_owned(), unit, conversion };
-    match (&*channel.name, channel.unit) {
-        ("lat", Unit::RADIAN) => of("north", "m".into(), Conversion::North),
-        ("lon", Unit::RADIAN) => of("east", "m".into(), Conversion::East),
-        ("height", Unit::METRE) => of("down", "m".into(), Conversion::Down),
-        (name, unit) => {
+    // `ship_lat` is the latitude of another body
+    let (body, name) = channel.name.rsplit_once('_').unwrap_or(("", &*channel.name));
+    let place = |axis: &str| format!("{} {axis}", words(body)).trim_start().to_owned();
+    match (name, channel.unit) {
+        ("lat", Unit::RADIAN) => of(&place("north"), "m".into(), Conversion::North),
+        ("lon", Unit::RADIAN) => of(&place("east"), "m".into(), Conversion::East),
+        ("height", Unit::METRE) if body.is_empty() => of("down", "m".into(), Conversion::Down),
+        (_, unit) => {
             let (unit, factor) = unit.shown();
-            of(&words(name), unit, Conversion::Constant(factor))
+            of(&words(&channel.name), unit, Conversion::Constant(factor))
         }
     }
 }
@@ -88,6 +91,8 @@ mod tests {
         let minute = 1f64.to_radians() / 60.0;
         let [north, east] = [of("lat", "rad"), of("lon", "rad")].map(|q| q.factor(here) * minute);
         assert!((north - 1852.0).abs() < 10.0 && (east - 926.0).abs() < 5.0, "{north} {east}");
+        let ship = of("ship_lat", "rad");
+        assert!(ship.name == "ship north" && ship.is_place());
         let down = of("height", "m");
         assert_eq!((down.name.as_str(), &*down.unit, down.factor(here)), ("down", "m", -1.0));
         assert!(of("h_acc", "m").is_accuracy() && !of("accel_x", "mps2").is_accuracy());

@@ -65,8 +65,9 @@ impl Excursions {
         let event = |(about, Excursion { from, to, worst }): (String, Excursion)| {
             let count = self.seen.get(&about).map_or(0, |seen| seen - SINGLE);
             let text = format!(
-                "leaves its 3 sigma {count} more times from {:.1} s on, until {:.1} s, by up to \
+                "leaves its 3 sigma {count} more {} from {:.1} s on, until {:.1} s, by up to \
                  {worst:.1} sigma",
+                if count == 1 { "time" } else { "times" },
                 from.seconds(),
                 to.seconds()
             );

@@ -31,6 +31,7 @@ pub(super) fn found_at(times: &[Time]) -> String {
     };
     match count.saturating_sub(FOUND) {
         0 => format!("found at {shown}"),
+        1 => format!("found at {shown} and 1 more time"),
         more => format!("found at {shown} and {more} more times"),
     }
 }
@@ -73,6 +74,7 @@ pub(super) fn longest(mut stretches: Vec<Stretch>) -> String {
     let spans: Vec<String> = stretches.iter().map(|s| span(s.from, s.to)).collect();
     match count.saturating_sub(STRETCHES) {
         0 => format!("{} s", spans.join(", ")),
+        1 => format!("{} s and 1 more time", spans.join(", ")),
         more => format!("{} s and {more} more times", spans.join(", ")),
     }
 }
