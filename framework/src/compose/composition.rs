@@ -7,7 +7,7 @@ use crate::model::error::ComposeError;
 use crate::model::process::monitor::Monitor;
 use crate::model::process::screening::Screening;
 use crate::model::process::start::InitialAlignment;
-use crate::model::process::{ProcessModel, Product};
+use crate::model::process::{ProcessModel, Product, SecondOrder};
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::motion::Motion;
@@ -48,6 +48,8 @@ pub struct Process {
     pub biases: Vec<usize>,
     /// Product of two errors that the linear model neglects.
     pub product: Option<Product>,
+    /// Terms of the second order that the linear model neglects.
+    pub second_order: Vec<SecondOrder>,
     /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
@@ -158,6 +160,7 @@ impl Composition {
             process.searches = false;
             process.screening = None;
             process.monitor = None;
+            process.second_order.clear();
             process.biases.clear();
         }
         if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {

@@ -117,6 +117,7 @@ impl<'a> Building<'a> {
                 biases,
                 corrections,
                 product,
+                second_order,
             } = make(&part.own_keys(), &mut self.composer)?;
             let named = corrections.into_iter().map(|(sensor, model)| InputPart {
                 owner: part.name.to_owned(),
@@ -147,6 +148,7 @@ impl<'a> Building<'a> {
                 coasts_after,
                 biases,
                 product,
+                second_order,
                 constraint: None,
             });
         }

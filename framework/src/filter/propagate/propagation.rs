@@ -85,7 +85,15 @@ impl Propagation {
         let corrected = &mut stepper.corrected[..];
         let mut linear = Linear { composition, held, corrected, dynamics, transition };
         match &mut stepper.method {
-            Method::Linear => linear.propagate(processes, &mut estimate.state, interval)?,
+            Method::Linear => {
+                // the covariance is up to date at the first step of a pool
+                let begins = pool.as_ref().is_none_or(|pool| !pool.holds_steps());
+                for term in composition.processes.iter().flat_map(|process| &process.second_order) {
+                    let at = begins.then_some((&estimate.state, &estimate.covariance));
+                    term.fill(&composition.layout, at, linear.transition);
+                }
+                linear.propagate(processes, &mut estimate.state, interval)?;
+            }
             Method::SigmaPoints(passage) => {
                 passage.propagate(&mut linear, considered, processes, estimate, interval)?;
             }

@@ -6,6 +6,7 @@ use crate::model::process::input::{AnyInput, ErasedInput, InputModel};
 use crate::model::process::monitor::Monitor;
 use crate::model::process::product::Product;
 use crate::model::process::screening::{Screening, Spread};
+use crate::model::process::second_order::SecondOrder;
 use crate::model::process::start::InitialAlignment;
 use crate::model::sensor::motion::Motion;
 use crate::model::simulate::{DrivingSensor, Random, Simulate};
@@ -189,6 +190,7 @@ pub struct BuiltProcess {
     pub(crate) biases: Vec<usize>,
     pub(crate) corrections: Vec<(String, Box<dyn AnyInput>)>,
     pub(crate) product: Option<Product>,
+    pub(crate) second_order: Vec<SecondOrder>,
 }
 
 impl BuiltProcess {
@@ -204,6 +206,7 @@ impl BuiltProcess {
             biases: Vec::new(),
             corrections: Vec::new(),
             product: None,
+            second_order: Vec::new(),
         }
     }
 
@@ -251,6 +254,13 @@ impl BuiltProcess {
     #[must_use]
     pub fn neglecting(self, product: Option<Product>) -> Self {
         Self { product, ..self }
+    }
+
+    /// States terms of the second order that the linear model neglects: the filter knows the states that they act
+    /// along no better than these terms allow.
+    #[must_use]
+    pub fn curved_by(self, terms: impl IntoIterator<Item = SecondOrder>) -> Self {
+        Self { second_order: terms.into_iter().collect(), ..self }
     }
 
     /// Declares that the process coasts on a gap of its driving sensor longer than `gap` seconds:

@@ -32,6 +32,8 @@ pub struct Transition {
     pub(super) q: Vec<f64>,
     /// `(offset in q, first row, dimension)` of each block of `Q`.
     pub(super) noise: Vec<(usize, usize, usize)>,
+    /// Offsets of those that make a state uncertain which itself does not move.
+    pub(super) doubts: Vec<usize>,
     /// Additional process noise as a share of the models' `q`.
     pub(super) excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
@@ -43,7 +45,9 @@ pub struct Transition {
     pub(super) kernel: Kernel,
 }
 
-saved!(Transition { excess, inputs } each { phi, q, own } except { places, noise, carried, kernel });
+saved!(Transition { excess, inputs } each { phi, q, own } except {
+    places, noise, doubts, carried, kernel,
+});
 
 /// One axis of a block with dynamics of its own.
 #[derive(Clone, Debug)]
@@ -100,6 +104,13 @@ impl Transition {
     /// Declares a block on the diagonal of `Q`.
     pub fn noise<const N: usize>(&mut self, row: Option<usize>) -> NoiseSlot<N> {
         NoiseSlot(row.map(|r| self.noise_block(r, N)))
+    }
+
+    /// As [`Self::noise`], for the uncertainty of states that do not move themselves.
+    pub(crate) fn doubt<const N: usize>(&mut self, row: usize) -> NoiseSlot<N> {
+        let at = self.noise_block(row, N);
+        self.doubts.push(at);
+        NoiseSlot(Some(at))
     }
 
     /// Declares a square block of any size on the diagonal of `Q`; returns the place of its first
@@ -274,7 +285,7 @@ impl Transition {
     /// Returns `true` if a process fills a row in this range.
     pub fn moves(&self, rows: &Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
-            || self.noise.iter().any(|n| rows.contains(&n.1))
+            || self.noise.iter().any(|n| rows.contains(&n.1) && !self.doubts.contains(&n.0))
     }
 
     /// Adds the elements of the last step's `Phi` to `sum`, as far as `sum` goes.

@@ -32,7 +32,7 @@ pub enum Output {
 }
 
 /// Standard gravity, m/s^2.
-const STANDARD_GRAVITY: f64 = 9.806_65;
+pub(crate) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 const RATES: [(&str, &str); 6] = [
     ("gyro_x", "radps"),

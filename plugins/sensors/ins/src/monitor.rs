@@ -1,18 +1,15 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Nine rules, each in a file of its own: the specific force is about as large as gravity and points
+//! Seven rules, each in a file of its own: the specific force is about as large as gravity and points
 //! up, the accelerations are those that another sensor measures, and at the same time, gravity turns as
 //! the gyros turn, and so do the velocities of a sensor in body axes, white noise is as strong as stated,
-//! the tilt is known well enough for the accelerometers, the heading for the way made, and constant biases
-//! stay constant.
+//! and constant biases stay constant.
 
 mod axes;
 mod clock;
 mod drift;
 mod fault;
 mod gravity;
-mod heading;
-mod levelling;
 mod senses;
 mod turning;
 mod whiteness;
@@ -24,8 +21,6 @@ use clock::Clock;
 use drift::Drift;
 use fault::Fault;
 use gravity::Gravity;
-use heading::Heading;
-use levelling::Levelling;
 use nalgebra::Vector3;
 use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::process::Input;
@@ -46,8 +41,6 @@ pub(crate) struct ImuMonitor {
     gravity: Gravity,
     axes: Axes,
     clock: Clock,
-    levelling: Levelling,
-    heading: Heading,
     turning: Turning,
     senses: Senses,
     whiteness: Whiteness,
@@ -55,7 +48,7 @@ pub(crate) struct ImuMonitor {
 }
 
 saved!(ImuMonitor {
-    gravity, axes, clock, levelling, heading, turning, senses, whiteness, drift,
+    gravity, axes, clock, turning, senses, whiteness, drift,
 } except {
     name, imu, navigation,
 });
@@ -71,8 +64,6 @@ impl ImuMonitor {
             gravity: Gravity::new(tilt),
             axes: Axes::default(),
             clock: Clock::default(),
-            levelling: Levelling::new(navigation, tilt.is_none()),
-            heading: Heading::new(navigation),
             turning: Turning::default(),
             senses: Senses::default(),
             whiteness: Whiteness::new(imu),
@@ -120,8 +111,6 @@ impl Monitor for ImuMonitor {
         }
         let fault = turning
             .or_else(|| self.whiteness.take(&w, &f, dt))
-            .or_else(|| self.levelling.take(filter, time))
-            .or_else(|| self.heading.take(filter, time))
             .or_else(|| self.drift.take(filter, time));
         fault.map(|fault| self.finding(time, fault))
     }

@@ -7,7 +7,7 @@ use crate::alignment::{
 use crate::error_model::transition;
 use crate::errors::ImuErrors;
 use crate::grade::Grade;
-use crate::imu::{Imu, SimulatedImu};
+use crate::imu::{Imu, STANDARD_GRAVITY, SimulatedImu};
 use crate::initial::{InitialPosition, InitialValue, spec, start};
 use crate::integrator::{Integrator, MechanisationKey};
 use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, NavState};
@@ -22,7 +22,7 @@ use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{AccelBias, GyroBias};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::screening::Spread;
-use navfuse_core::model::process::{BuiltProcess, Product};
+use navfuse_core::model::process::{BuiltProcess, Product, SecondOrder};
 use navfuse_core::model::process::{Input, Interval, ProcessError, ProcessModel};
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::plugin::ProcessType;
@@ -127,6 +127,10 @@ impl ProcessType for Strapdown {
         let gyro_bias = gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
         let accel_bias =
             accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
+        let curved = [
+            SecondOrder::of_tilt(composer, attitude, accel_bias, STANDARD_GRAVITY),
+            SecondOrder::of_heading(composer, attitude, position),
+        ];
         let gravity = (self.gravity_disturbance)
             .map(|gravity| gravity.block(composer, "gravity_disturbance", &[0.0; 3], GRAVITY))
             .transpose()?;
@@ -193,7 +197,10 @@ impl ProcessType for Strapdown {
             Some(errors) => built.correcting(&self.imu, errors),
             None => built,
         };
-        let built = built.driven_by(self.imu, simulator).neglecting(product);
+        let built = built
+            .driven_by(self.imu, simulator)
+            .neglecting(product)
+            .curved_by(curved.into_iter().flatten());
         let built = match screening {
             Some(screening) => {
                 let built = built.screened_by(screening).watched_by(monitor);

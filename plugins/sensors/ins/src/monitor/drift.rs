@@ -2,11 +2,15 @@
 //!
 //! An estimate of a constant moves from `x1` to `x2` while its variance falls from `P1` to `P2`; the
 //! difference has the variance `P1 - P2`. A larger move shows that the constant has changed, or that
-//! a sensor contradicts the others.
+//! a sensor contradicts the others. What a tilt of the axes takes off gravity, in the second order, is in the
+//! estimate of the accelerometer bias, and leaves it as the tilt becomes known
+//! ([`navfuse_core::model::process::SecondOrder`]).
 
 use super::fault::Fault;
+use crate::imu::STANDARD_GRAVITY;
 use crate::navigation::Navigation;
 use navfuse_core::checkpoint::saved;
+use navfuse_core::model::process::SecondOrder;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::state::{Block, Dynamics, Handle, Mode};
@@ -97,6 +101,16 @@ impl Drift {
         self.kept.push_back(kept);
     }
 
+    /// Largest mean square, along each axis, of the second order of gravity in the tilt at a kept estimate.
+    fn tilted(&self, filter: &FilterView<'_>, kept: &Kept) -> [f64; 3] {
+        let attitude = self.navigation.attitude;
+        let rows = filter.layout.blocks[attitude.slot()].tangent_range();
+        let tilts = kept.variances[rows].iter().take(2).sum::<f64>();
+        let along = SecondOrder::mean_square(STANDARD_GRAVITY, tilts, tilts * tilts);
+        let c_b_n = filter.state.get(filter.layout, attitude);
+        [0, 1, 2].map(|axis| along * c_b_n[(2, axis)].powi(2))
+    }
+
     /// Blames the IMU if one of its biases moved more than any other constant.
     fn judge(&mut self, filter: &FilterView<'_>) -> Option<Fault> {
         let gyro = self.navigation.gyro_bias.map(Handle::slot);
@@ -104,6 +118,7 @@ impl Drift {
         let (mut own, mut other): (f64, f64) = (0.0, 0.0);
         let mut worst = None;
         for kept in self.kept.iter().filter(|kept| kept.time > Time::MIN) {
+            let tilted = self.tilted(filter, kept);
             for (slot, block) in self.constants(filter) {
                 let n = block.operations.tangent;
                 let mut moved = [0.0; navfuse_core::state::manifold::MAX_TANGENT];
@@ -117,7 +132,8 @@ impl Drift {
                     if decrease < DECREASE * kept.variances[i] {
                         continue;
                     }
-                    let sigmas = moved[k].abs() / decrease.sqrt();
+                    let further = if Some(slot) == accel { tilted[k] } else { 0.0 };
+                    let sigmas = moved[k].abs() / (decrease + further).sqrt();
                     if Some(slot) != gyro && Some(slot) != accel {
                         other = other.max(sigmas);
                     } else if sigmas > own {

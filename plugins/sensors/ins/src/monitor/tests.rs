@@ -117,140 +117,6 @@ fn the_first_mean_points_up_where_the_attitude_is_known() {
     assert_eq!(found("11 deg"), "");
 }
 
-/// Samples at rest, with the bias known to 100 ug after one second, from 400 ug at the start. The
-/// tilt, of which north and east have a share each, neglects `ratio` times these 100 ug of gravity.
-fn levelled(ratio: f64, north: f64, first_ug: f64) -> Option<Finding> {
-    let mut watch = Watch::new(&[]);
-    // g e^2 / 2 = ratio * 100e-6 g
-    let squared: f64 = 2e-4 * ratio;
-    watch.sigma("ins.attitude", [(squared * north).sqrt(), (squared * (1.0 - north)).sqrt(), 1.0]);
-    for (at, ug) in [(0.0, first_ug), (1.0, 100.0)] {
-        watch.sigma("ins.accel_bias", [9.80665e-6 * ug; 3]);
-        if let Some(found) = watch.take(at, 1.0, STILL) {
-            assert!(at > 0.0, "nothing was taken for a bias yet");
-            return Some(found);
-        }
-    }
-    None
-}
-
-/// Gravity at 45 deg is that of the unit to 1e-5. The limits are half of the sigma of the bias and
-/// three times that.
-#[test]
-fn a_tilt_too_large_for_the_accelerometers_is_found_about_either_axis() {
-    for north in [0.0, 1.0, 0.3] {
-        let severity = |ratio: f64| levelled(ratio, north, 400.0).map(|found| found.severity);
-        assert_eq!(severity(0.49), None);
-        assert_eq!(severity(0.51), Some(Severity::Doubtful));
-        assert_eq!(severity(2.99), Some(Severity::Doubtful));
-        assert_eq!(severity(3.01), Some(Severity::DoNotUse));
-        let text = levelled(2.0, north, 400.0).unwrap().text;
-        // 0.81 deg on each axis in the mean: the root of half of 4e-4 rad^2
-        assert!(text.contains("2.0 times as large") && text.contains("0.81 deg"), "{text}");
-    }
-    // the samples have determined the bias from half of the sigma at the start on
-    assert!(levelled(2.0, 0.5, 199.0).is_none());
-    assert!(levelled(2.0, 0.5, 201.0).is_some());
-}
-
-/// An alignment at rest finds the tilt from the samples themselves, whatever the scenario gives.
-#[test]
-fn a_tilt_that_an_alignment_finds_is_not_compared() {
-    let tilt = |settings: &[&str]| {
-        let mut watch = Watch::new(settings);
-        watch.sigma("ins.attitude", [0.02, 0.02, 1.0]);
-        [(0.0, 400.0), (1.0, 100.0)].into_iter().find_map(|(at, ug)| {
-            watch.sigma("ins.accel_bias", [9.80665e-6 * ug; 3]);
-            watch.take(at, 1.0, STILL)
-        })
-    };
-    assert!(tilt(&[]).is_some());
-    assert!(tilt(&["process.ins.alignment=static"]).is_none());
-}
-
-/// Once a second the tilt is compared, once for each severity it is reported. A tilt that has grown
-/// to more than twice its least variance comes from a bridge, and is not judged.
-#[test]
-fn a_tilt_is_reported_once_and_only_that_of_the_start() {
-    let mut watch = Watch::new(&[]);
-    let tilt = |watch: &mut Watch, ratio: f64| {
-        let sigma = (1e-4 * ratio).sqrt();
-        watch.sigma("ins.attitude", [sigma, sigma, 1.0]);
-    };
-    tilt(&mut watch, 2.0);
-    watch.sigma("ins.accel_bias", [4e-4 * 9.80665; 3]);
-    assert!(watch.take(0.0, 1.0, STILL).is_none());
-    watch.sigma("ins.accel_bias", [1e-4 * 9.80665; 3]);
-    tilt(&mut watch, 4.1);
-    assert!(watch.take(1.0, 1.0, STILL).is_none(), "it has grown");
-    tilt(&mut watch, 2.0);
-    assert!(watch.take(1.5, 1.0, STILL).is_none(), "half a second later");
-    let severity = |found: Option<Finding>| found.map(|finding| finding.severity);
-    assert_eq!(severity(watch.take(2.0, 1.0, STILL)), Some(Severity::Doubtful));
-    assert!(watch.take(3.0, 1.0, STILL).is_none(), "again");
-    tilt(&mut watch, 3.9);
-    assert_eq!(severity(watch.take(4.0, 1.0, STILL)), Some(Severity::DoNotUse));
-    assert!(watch.take(5.0, 1.0, STILL).is_none(), "again");
-}
-
-/// Samples at rest, one a second, with a heading of 2 deg, a way in that direction, and 1 m along it,
-/// whose ratio is `ratio(k)` at the sample `k`; returns the first two findings with their samples.
-fn headed(direction: f64, ratio: impl Fn(u32) -> f64) -> Vec<(u32, Finding)> {
-    let mut watch = Watch::new(&[]);
-    let tangent = |name: &str| watch.bench.composition.layout.find(name).unwrap().tangent.unwrap();
-    let (heading, position) = (tangent("ins.attitude") + 2, tangent("ins.position"));
-    let squared = 2_f64.to_radians().powi(2);
-    watch.covariance.set(heading, heading, squared);
-    let (across, along) = (Vector2::new(-direction.sin(), direction.cos()), 1.0);
-    let way = Vector2::new(direction.cos(), direction.sin());
-    let mut found = Vec::new();
-    for k in 0..40 {
-        // r e^2 / 2 = ratio * 1 m
-        let d = across * (2.0 * ratio(k) / squared);
-        let p = d * d.transpose() * squared + way * way.transpose() * along;
-        for i in 0..2 {
-            watch.covariance.set(position + i, heading, d[i] * squared);
-            (0..2).for_each(|j| watch.covariance.set(position + i, position + j, p[(i, j)]));
-        }
-        found.extend(watch.take(f64::from(k), 1.0, STILL).map(|finding| (k, finding)));
-    }
-    found
-}
-
-/// A way `r` north with a heading error of 2 deg is 2 deg of it east, and half of the square of that
-/// back: the mean of it, at the limits of a half and three times the sigma of one metre.
-#[test]
-fn a_heading_too_wide_for_the_way_is_found_in_every_direction() {
-    for direction in [0.0, 0.5, 2.0, 4.0] {
-        let severities = |ratio: f64| -> Vec<Severity> {
-            headed(direction, |_| ratio).iter().map(|(_, finding)| finding.severity).collect()
-        };
-        assert_eq!(severities(0.49), []);
-        assert_eq!(severities(0.51), [Severity::Doubtful]);
-        assert_eq!(severities(2.99), [Severity::Doubtful]);
-        assert_eq!(severities(3.01), [Severity::DoNotUse]);
-    }
-    // 2 m / ((2 deg)^2 / 2) = 3283 m
-    let text = &headed(1.0, |_| 2.0)[0].1.text;
-    for part in ["2.0 deg", "3283 m", "1.00 m", "2.0 times"] {
-        assert!(text.contains(part), "{text}");
-    }
-}
-
-/// Ten comparisons in a row, one a second, once for each severity.
-#[test]
-fn a_heading_that_becomes_better_within_seconds_is_not_reported() {
-    let at = |ratio: fn(u32) -> f64| -> Vec<(u32, Severity)> {
-        headed(0.0, ratio).iter().map(|(k, finding)| (*k, finding.severity)).collect()
-    };
-    assert_eq!(at(|_| 1.0), [(9, Severity::Doubtful)]);
-    assert_eq!(at(|k| if k % 10 == 9 { 0.1 } else { 9.0 }), []);
-    assert_eq!(
-        at(|k| if k < 20 { 1.0 } else { 4.0 }),
-        [(9, Severity::Doubtful), (29, Severity::DoNotUse)]
-    );
-}
-
 /// 0.2 deg/h in rad/s and 0.1 mg in m/s^2, as powers of two: ratios of them are exact.
 const UNITS: [(&str, f64); 2] = [("gyro", 9.536_743_164_062_5e-7), ("accelerometer", 9.765_625e-4)];
 
@@ -314,6 +180,28 @@ fn a_move_while_the_filter_widens_the_covariance_is_not_compared() {
         assert!(moved_across(&[], (sensor, 8.0), |_| {}).is_some());
         assert!(moved_across(&[], (sensor, 8.0), |monitor| monitor.widened()).is_none());
     }
+}
+
+/// Tilts of 20 mrad about both axes take 4 units off gravity in the mean, and 6 as a root mean square: a vertical bias that has
+/// moved by 8 units may hold them. Along the level axes there is no such part, and 2 mrad take 0.04 units.
+#[test]
+fn what_a_tilt_takes_off_gravity_is_no_move_of_the_vertical_bias() {
+    let severity = |tilt: f64, axis: usize| {
+        let mut watch = Watch::new(&[]);
+        watch.sigma("ins.attitude", [tilt, tilt, 0.1]);
+        let unit = UNITS[1].1;
+        watch.sigma("ins.accel_bias", [2.0 * unit; 3]);
+        assert!(watch.take(1.0, 1.0, STILL).is_none());
+        watch.sigma("ins.accel_bias", [3_f64.sqrt() * unit; 3]);
+        let mut bias = Vector3::zeros();
+        bias[axis] = 8.0 * unit;
+        let n = watch.bench.navigation;
+        watch.state.set(&watch.bench.composition.layout, n.accel_bias.unwrap(), &bias);
+        watch.take(21.0, 1.0, STILL).map(|found| found.severity)
+    };
+    assert_eq!(severity(0.002, 2), Some(Severity::DoNotUse));
+    assert_eq!(severity(0.02, 2), None);
+    assert_eq!(severity(0.02, 0), Some(Severity::DoNotUse));
 }
 
 #[test]
