@@ -13,7 +13,17 @@ fn sentence(text: &str) -> String {
 }
 
 /// The programs.
-pub const PROGRAMS: [Program; 10] = [
+pub const PROGRAMS: [Program; 11] = [
+    Program {
+        name: "a receiver without an antenna beside another one",
+        write: |recorded, folder| {
+            let head = "time,gps1_lat,gps1_lon,gps1_alt,gps2_lat,gps2_lon,gps2_alt";
+            let text = table(head, &recorded["gnss"], |(t, v)| {
+                format!("{},nan,nan,nan,{}", seconds(*t), position(v))
+            });
+            fixes_of(recorded, folder, &text, 0)
+        },
+    },
     Program {
         name: "rows from the newest to the oldest",
         write: |recorded, folder| {

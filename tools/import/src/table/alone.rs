@@ -42,6 +42,24 @@ impl Table<'_> {
         }
     }
 
+    /// Leaves out columns without a number where others with the same meaning have some, as those of a receiver without a
+    /// fix beside another one.
+    pub(super) fn leave_out_empty(&mut self) {
+        let channels: Vec<&str> = self.columns.iter().map(|(_, m)| m.channel).collect();
+        // a time may be a text
+        let clock = |m: &Meaning| ["time", "date", "week"].contains(&m.channel);
+        let several =
+            |m: &Meaning| !clock(m) && channels.iter().filter(|c| **c == m.channel).count() > 1;
+        let holds = |k: usize| self.layout.column(k).iter().any(|v| v.is_finite() && *v != 0.0);
+        let filled: Vec<&str> = (self.columns.iter())
+            .filter(|(k, m)| several(m) && holds(*k))
+            .map(|(_, m)| m.channel)
+            .collect();
+        let empty = |(k, m): &(usize, Meaning)| filled.contains(&m.channel) && !holds(*k);
+        let columns = self.columns.iter().filter(|column| !empty(column)).cloned().collect();
+        self.columns = columns;
+    }
+
     /// Takes a velocity down beside one forward and one to the right for the third of a log.
     pub(super) fn down_beside_forward(&mut self) {
         let of_log = self.has(&["vel_x", "vel_y", "vel_d"])

@@ -84,6 +84,7 @@ impl<'a> Table<'a> {
             phi.for_each(|(_, meaning)| meaning.channel = "lat");
         }
         let mut table = Self { layout, columns, questions, gravity: None };
+        table.leave_out_empty();
         table.down_beside_forward();
         table.name_axes(name);
         table.name_earth_fixed();
