@@ -46,9 +46,11 @@ pub(in crate::filter) struct Propagation {
     pool: Option<PooledSteps>,
     /// Driving sensors beside the first.
     held: Vec<Held>,
+    /// Set if the noise of the last step makes up for terms of the second order.
+    curved: bool,
 }
 
-saved!(Propagation { transition } each { processes, pool, held } except { dynamics });
+saved!(Propagation { transition, curved } each { processes, pool, held } except { dynamics });
 
 impl Propagation {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {
@@ -59,6 +61,7 @@ impl Propagation {
             pool: PooledSteps::new(composition, &transition),
             held: Held::of(composition),
             transition,
+            curved: false,
         }
     }
 
@@ -81,16 +84,19 @@ impl Propagation {
         estimate: &mut Estimate,
         interval: &Interval<'_>,
     ) -> Result<bool, EstimatorError> {
-        let Self { processes, dynamics, transition, pool, held } = self;
+        let Self { processes, dynamics, transition, pool, held, curved } = self;
         let corrected = &mut stepper.corrected[..];
         let mut linear = Linear { composition, held, corrected, dynamics, transition };
         match &mut stepper.method {
             Method::Linear => {
                 // the covariance is up to date at the first step of a pool
                 let begins = pool.as_ref().is_none_or(|pool| !pool.holds_steps());
-                for term in composition.processes.iter().flat_map(|process| &process.second_order) {
+                if begins || *curved {
                     let at = begins.then_some((&estimate.state, &estimate.covariance));
-                    term.fill(&composition.layout, at, linear.transition);
+                    let terms = composition.processes.iter().flat_map(|p| &p.second_order);
+                    *curved = terms.fold(false, |curved, term| {
+                        term.fill(&composition.layout, at, linear.transition) || curved
+                    });
                 }
                 linear.propagate(processes, &mut estimate.state, interval)?;
             }

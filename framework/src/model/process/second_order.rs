@@ -76,18 +76,19 @@ impl SecondOrder {
         0.25 * magnitude * magnitude * (trace * trace + 2.0 * of_square)
     }
 
-    /// Writes the noise of a step that begins at an estimate; none without an estimate.
+    /// Writes the noise of a step that begins at an estimate; none without an estimate. Returns `true` if there is some.
     pub(crate) fn fill(
         &self,
         layout: &Layout,
         estimate: Option<(&State, &Covariance)>,
         transition: &mut Transition,
-    ) {
+    ) -> bool {
         let missing = estimate.and_then(|(state, covariance)| match self.term {
             Term::Force { magnitude } => self.force(magnitude, layout, state, covariance),
             Term::Way => self.way(covariance),
         });
         transition.set_noise(self.noise, &missing.unwrap_or_default());
+        missing.is_some()
     }
 
     /// Missing covariance of a bias.
@@ -228,8 +229,8 @@ mod tests {
     fn the_noise_is_added_once() {
         let ([tilted, _], layout, mut transition) = vehicle();
         let (state, covariance) = (layout.initial_state(), covariance(0.01, 1e-7));
-        tilted.fill(&layout, Some((&state, &covariance)), &mut transition);
-        tilted.fill(&layout, None, &mut transition);
+        assert!(tilted.fill(&layout, Some((&state, &covariance)), &mut transition));
+        assert!(!tilted.fill(&layout, None, &mut transition));
         assert!(transition.noise_dense(9).iter().all(|q| *q == 0.0));
     }
 

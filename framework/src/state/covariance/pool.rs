@@ -144,8 +144,9 @@ impl Pool {
         let (mut places, mut terms) = (Vec::new(), Vec::new());
         for (element, place) in step.places().iter().enumerate() {
             for (noise, (row, column)) in step.noise_places().enumerate() {
-                // the own noise of a state that decays is exact
-                if row == place.1 && !(decaying(place) && noise >= step.q.len()) {
+                // the own noise of a state that decays is exact, and a doubt needs no second order
+                let exact = decaying(place) && noise >= step.q.len();
+                if row == place.1 && !exact && !step.doubts(noise) {
                     let own = (place.0, column);
                     let known = places.iter().position(|place| *place == own);
                     let at = known.unwrap_or_else(|| {

@@ -282,6 +282,13 @@ impl Transition {
         &self.places
     }
 
+    /// Returns `true` if a value of the noise makes a state uncertain which itself does not move.
+    pub(super) fn doubts(&self, value: usize) -> bool {
+        let block =
+            |&&(at, _, size): &&(usize, usize, usize)| (at..at + size * size).contains(&value);
+        self.noise.iter().find(block).is_some_and(|(at, ..)| self.doubts.contains(at))
+    }
+
     /// Returns `true` if a process fills a row in this range.
     pub fn moves(&self, rows: &Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
