@@ -120,6 +120,11 @@ impl std::fmt::Debug for Composition {
 }
 
 impl Composition {
+    /// Terms of the second order that the processes neglect.
+    pub(crate) fn second_order(&self) -> impl Iterator<Item = &SecondOrder> {
+        self.processes.iter().flat_map(|process| &process.second_order)
+    }
+
     /// Index of the sensor with a name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)

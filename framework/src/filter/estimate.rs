@@ -75,6 +75,6 @@ impl Estimate {
         gated: Option<(Time, u64)>,
     ) -> FilterView<'a> {
         let (state, covariance) = (&self.state, &self.covariance);
-        FilterView { layout, state, covariance, gated, smoothed: self.offset.is_some() }
+        FilterView { layout, state, covariance, gated }
     }
 }

@@ -9,7 +9,7 @@ use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::process::{Input, Interval, ProcessModel};
+use crate::model::process::{Input, Interval, ProcessModel, SecondOrder};
 use crate::model::sensor::motion::Motion;
 use crate::state::covariance::{Covariance, Transition};
 use crate::state::dynamics::BlockDynamics;
@@ -46,11 +46,11 @@ pub(in crate::filter) struct Propagation {
     pool: Option<PooledSteps>,
     /// Driving sensors beside the first.
     held: Vec<Held>,
-    /// Set if the noise of the last step makes up for terms of the second order.
-    curved: bool,
+    /// Terms of the second order that the processes neglect.
+    second_order: Vec<SecondOrder>,
 }
 
-saved!(Propagation { transition, curved } each { processes, pool, held } except { dynamics });
+saved!(Propagation { transition } each { processes, pool, held, second_order } except { dynamics });
 
 impl Propagation {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {
@@ -61,7 +61,7 @@ impl Propagation {
             pool: PooledSteps::new(composition, &transition),
             held: Held::of(composition),
             transition,
-            curved: false,
+            second_order: composition.second_order().copied().collect(),
         }
     }
 
@@ -84,19 +84,16 @@ impl Propagation {
         estimate: &mut Estimate,
         interval: &Interval<'_>,
     ) -> Result<bool, EstimatorError> {
-        let Self { processes, dynamics, transition, pool, held, curved } = self;
+        let Self { processes, dynamics, transition, pool, held, second_order } = self;
         let corrected = &mut stepper.corrected[..];
         let mut linear = Linear { composition, held, corrected, dynamics, transition };
         match &mut stepper.method {
             Method::Linear => {
                 // the covariance is up to date at the first step of a pool
                 let begins = pool.as_ref().is_none_or(|pool| !pool.holds_steps());
-                if begins || *curved {
-                    let at = begins.then_some((&estimate.state, &estimate.covariance));
-                    let terms = composition.processes.iter().flat_map(|p| &p.second_order);
-                    *curved = terms.fold(false, |curved, term| {
-                        term.fill(&composition.layout, at, linear.transition) || curved
-                    });
+                let at = begins.then_some((&estimate.state, &estimate.covariance));
+                for term in second_order {
+                    term.fill(&composition.layout, at, linear.transition);
                 }
                 linear.propagate(processes, &mut estimate.state, interval)?;
             }

@@ -35,8 +35,6 @@ pub struct FilterView<'a> {
     /// Start and length of the current streak of gated constraint samples, if the last one was
     /// gated.
     pub gated: Option<(Time, u64)>,
-    /// Set if the filter linearises at a smoothed trajectory, and not at its estimate.
-    pub smoothed: bool,
 }
 
 /// Reaction of an alignment to the state of the filter.

@@ -13,7 +13,7 @@ pub fn is_absent(cell: &str) -> bool {
 }
 
 /// The number of a cell: as Rust parses it, with an exponent of Fortran (`1.0D+03`), or a coordinate with its side
-/// (`4806.0N`, `W 105.2`), which is negative to the south and to the west, or as [`plain`] reads it.
+/// (`4806.0N`, `W 105.2`), which is negative to the south and to the west, or as other programs write it.
 #[must_use]
 pub fn number(cell: &str) -> Option<f64> {
     let other = || double(cell).or_else(|| sided(cell));

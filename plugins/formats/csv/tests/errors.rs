@@ -99,11 +99,19 @@ fn bytes_that_are_not_text_are_named() {
     let text = "dvl.csv:3: vel_x_mps = \"\u{fffd}\u{fffd}\" is not UTF-8 text: the file is damaged \
                 or not text";
     assert_eq!(read.error.unwrap(), text);
-    let utf16: Vec<u8> = DVL_HEADER.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let latin = [b"t,\xb5,".as_slice(), DVL_HEADER.as_bytes()].concat();
     assert_eq!(
-        refused(&open_error(utf16, "")),
+        refused(&open_error(latin, "")),
         "dvl.csv: the file is not UTF-8 text; if it is UTF-16, save it as UTF-8"
     );
+}
+
+#[test]
+fn utf16_without_a_mark_is_read() {
+    let file = format!("{DVL_HEADER}1,1,2,3\n");
+    let utf16: Vec<u8> = file.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let read = read_dvl(utf16, "").unwrap();
+    assert_eq!((read.samples.len(), read.error), (1, None));
 }
 
 #[test]

@@ -127,9 +127,13 @@ impl ProcessType for Strapdown {
         let gyro_bias = gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
         let accel_bias =
             accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
+        let [phi, ba, p] =
+            [composer.tangent(attitude), composer.tangent(accel_bias), composer.tangent(position)];
+        let t = composer.transition();
         let curved = [
-            SecondOrder::of_tilt(composer, attitude, accel_bias, STANDARD_GRAVITY),
-            SecondOrder::of_heading(composer, attitude, position),
+            phi.zip(ba)
+                .map(|(phi, ba)| SecondOrder::of_tilt(t, attitude, [phi, ba], STANDARD_GRAVITY)),
+            phi.zip(p).map(|(phi, p)| SecondOrder::of_heading(t, [phi, p])),
         ];
         let gravity = (self.gravity_disturbance)
             .map(|gravity| gravity.block(composer, "gravity_disturbance", &[0.0; 3], GRAVITY))

@@ -185,13 +185,7 @@ mod tests {
         let bench = crate::testing::Bench::new(&[]);
         let (state, layout) = (bench.state(), &*bench.composition.layout);
         let covariance = navfuse_core::state::covariance::Covariance::zero(layout.tangent);
-        let filter = FilterView {
-            layout,
-            state: &state,
-            covariance: &covariance,
-            gated: None,
-            smoothed: false,
-        };
+        let filter = FilterView { layout, state: &state, covariance: &covariance, gated: None };
         let mut rule = Gravity::new(None);
         let [north, down] = acceleration;
         let dt = 0.125;

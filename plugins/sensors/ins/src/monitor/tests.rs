@@ -52,7 +52,7 @@ impl Watch {
         let sample = Sample::new(Time::from_seconds(at).unwrap(), SensorId(0), &channels);
         let Self { bench, state, covariance } = self;
         let layout = &*bench.composition.layout;
-        let filter = FilterView { layout, state, covariance, gated: None, smoothed: false };
+        let filter = FilterView { layout, state, covariance, gated: None };
         let input = Input { sample: &sample, duration: usual, usual, spread };
         bench.composition.processes[0].monitor.as_mut().unwrap().input(&filter, &input)
     }

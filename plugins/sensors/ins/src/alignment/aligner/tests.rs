@@ -84,13 +84,7 @@ impl Start {
         self.covariance.set(attitude + 2, attitude + 2, variance);
         self.state.time = at(seconds);
         let gated = (gated > 0).then_some((at(7.0), gated));
-        let view = FilterView {
-            layout,
-            state: &self.state,
-            covariance: &self.covariance,
-            gated,
-            smoothed: false,
-        };
+        let view = FilterView { layout, state: &self.state, covariance: &self.covariance, gated };
         self.aligner.supervise(&view)
     }
 
@@ -102,13 +96,7 @@ impl Start {
     fn unfinished(&self) -> Option<(Level, String)> {
         let layout = &*self.bench.composition.layout;
         let (state, covariance) = (&self.state, &self.covariance);
-        self.aligner.unfinished(&FilterView {
-            layout,
-            state,
-            covariance,
-            gated: None,
-            smoothed: false,
-        })
+        self.aligner.unfinished(&FilterView { layout, state, covariance, gated: None })
     }
 }
 

@@ -130,8 +130,7 @@ fn a_car_that_drives_along_a_bend_is_aligned() {
     let gravity = LocalEarth::at(place.latitude, place.height).gravity;
     let filter = |state: &State, search: &CourseAlignment| {
         let covariance = navfuse_core::state::covariance::Covariance::zero(layout.tangent);
-        let now =
-            FilterView { layout, state, covariance: &covariance, gated: None, smoothed: false };
+        let now = FilterView { layout, state, covariance: &covariance, gated: None };
         search.unfinished(&now)
     };
     assert!(filter(&state, &search).is_none(), "before the first sample");
