@@ -99,9 +99,11 @@ fn bytes_that_are_not_text_are_named() {
     let text = "dvl.csv:3: vel_x_mps = \"\u{fffd}\u{fffd}\" is not UTF-8 text: the file is damaged \
                 or not text";
     assert_eq!(read.error.unwrap(), text);
-    let latin = [b"t,\xb5,".as_slice(), DVL_HEADER.as_bytes()].concat();
+    // its first character is no letter of a heading, by which UTF-16 without a mark is recognised
+    let utf16 =
+        format!("µ{DVL_HEADER}").encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
     assert_eq!(
-        refused(&open_error(latin, "")),
+        refused(&open_error(utf16, "")),
         "dvl.csv: the file is not UTF-8 text; if it is UTF-16, save it as UTF-8"
     );
 }

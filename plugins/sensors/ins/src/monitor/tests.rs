@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::testing::Bench;
-use nalgebra::{Rotation3, Vector2, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use navfuse_core::model::process::Input;
 use navfuse_core::model::process::monitor::Monitor;
 use navfuse_core::model::process::screening::Spread;
