@@ -1,8 +1,9 @@
 //! The second order of an error, which the linear model of a process neglects.
 //!
 //! It is the same for all samples as long as the error stays, so that no number of samples averages it. What it
-//! acts along can therefore never be known better, at a given error, than the root of its mean square. Where updates
-//! have left less, noise of the state makes up the difference, before the next step. It ends by itself once the error is known.
+//! acts along can therefore never be known better, at a given error, than the root of its mean square. Where the
+//! covariance has less, noise of the state makes up the difference, before the next step. It ends by itself once the
+//! error is known.
 
 use crate::checkpoint::saved;
 use crate::state::covariance::{Covariance, NoiseSlot, Transition};
@@ -17,6 +18,9 @@ pub struct SecondOrder {
     least: f64,
     /// Set if the last step had noise.
     active: bool,
+    /// Covariance of the horizontal position that was added for the way, as far as the corrections have left it, and
+    /// the whole one after it was added.
+    added: [Matrix2<f64>; 2],
     /// First columns of the attitude and of the states in the error state.
     columns: [usize; 2],
     noise: NoiseSlot<3>,
@@ -29,7 +33,7 @@ enum Term {
     Way,
 }
 
-saved!(SecondOrder { least, active } except { columns, noise, term });
+saved!(SecondOrder { least, active, added } except { columns, noise, term });
 
 impl SecondOrder {
     /// A vertical force of that magnitude, SI, in the axes from which `attitude` maps to north, east, down, and
@@ -54,14 +58,17 @@ impl SecondOrder {
     ///
     /// A heading error `e` turns the way `d` across by `d e`, and back along it by `d e^2 / 2`: 5 deg take 4 m off a
     /// kilometre. The mean square of the latter is `3 d^2 P_e^2 / 4`. The covariance has the way since the position was
-    /// known, `d = |P_pe| / P_e`. `columns` are the first ones of attitude and position in the error state.
+    /// known, `d = |P_pe| / P_e`. It is no part of the linear error, so that it adds to its variance; a correction that
+    /// leaves the share `a` of the position's error leaves `a^2` of what was added, and of `d^2`. `columns` are the
+    /// first ones of attitude and position in the error state.
     pub fn of_heading(transition: &mut Transition, columns: [usize; 2]) -> Self {
         Self::new(transition, columns, Term::Way)
     }
 
     fn new(transition: &mut Transition, columns: [usize; 2], term: Term) -> Self {
         let noise = transition.doubt(columns[1]);
-        Self { least: f64::INFINITY, active: false, columns, noise, term }
+        let added = [Matrix2::zeros(); 2];
+        Self { least: f64::INFINITY, active: false, added, columns, noise, term }
     }
 
     /// The mean square of the second order of a force of that magnitude, from the traces of the covariance of
@@ -114,35 +121,43 @@ impl SecondOrder {
         }
         let both = Vector2::from_fn(|k, _| (0..3).map(|i| down[i] * p(bias + i, tilt + k)).sum());
         let given_tilt = down.dot(&(biases * *down)) - both.dot(&(tilts.try_inverse()? * both));
-        missing(down, least, given_tilt)
+        let missing = least - given_tilt.max(0.0);
+        (missing > 0.0).then(|| down * down.transpose() * missing)
     }
 
     /// Missing covariance of a position.
-    fn way(&self, covariance: &Covariance) -> Option<Matrix3<f64>> {
+    fn way(&mut self, covariance: &Covariance) -> Option<Matrix3<f64>> {
         let [heading, position] = [self.columns[0] + 2, self.columns[1]];
         let p = |i, j| covariance.get(i, j);
+        let positions = Matrix2::from_fn(|i, j| p(position + i, position + j));
         let across = Vector2::from_fn(|i, _| p(position + i, heading));
         // 3 d^2 P_e^2 / 4 with d = |P_pe| / P_e
         let least = 0.75 * across.norm_squared();
-        let (north, east) = (p(position, position), p(position + 1, position + 1));
-        if least < LEAST * (north + east) {
+        let [added, after] = &mut self.added;
+        if least < LEAST * positions.trace() {
+            *added = Matrix2::zeros();
             return None;
         }
-        // the heading does not move the position along the way, so that this variance is that of a given heading
         let along = Vector2::new(across.y, -across.x).normalize();
-        let positions = Matrix2::from_fn(|i, j| p(position + i, position + j));
-        let along_way = along.dot(&(positions * along));
-        missing(&Vector3::new(along.x, along.y, 0.0), least, along_way)
+        let of = |matrix: &Matrix2<f64>| along.dot(&(matrix * along));
+        *added *= (of(&positions) / of(after)).min(1.0).powi(2);
+        *after = positions;
+        let missing = least - of(added);
+        if missing < WAITS * of(after) {
+            return None;
+        }
+        let noise = along * along.transpose() * missing;
+        *added += noise;
+        *after += noise;
+        Some(noise.fixed_resize(0.0))
     }
-}
-
-/// Covariance along a direction that makes a variance up to the least one.
-fn missing(along: &Vector3<f64>, least: f64, variance: f64) -> Option<Matrix3<f64>> {
-    (variance < least).then(|| along * along.transpose() * (least - variance.max(0.0)))
 }
 
 /// Growth of the variance of the tilt above its least value that counts.
 const GROWN: f64 = 2.0;
+
+/// Share of the variance along the way below which what adds to it waits for more: 5e-5 in sigma.
+const WAITS: f64 = 1e-4;
 
 /// Share of a variance below which the second order is not compared. Rounding leaves a part of a variance that is
 /// as small no digits.

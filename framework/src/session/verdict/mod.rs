@@ -162,6 +162,13 @@ impl Judge {
         // a finding about one part says more than one about either of two
         contradict_physics.sort_by_key(|reason| reason.about.contains(", "));
         report.reasons.append(&mut contradict_physics);
+        let explanations = parts.iter().filter(|f| f.basis == Basis::Explanation);
+        let refused = self.the_refused_sensor();
+        let (late, mut timely): (Vec<&Finding>, Vec<&Finding>) =
+            explanations.copied().partition(|explanation| misses(explanation, refused, findings));
+        // an error that goes on makes the filter contradict healthy sensors too, later
+        timely.sort_by_key(|explanation| explanation.time);
+        report.reasons.extend(timely.into_iter().map(|f| found(f, driver)));
         report.reasons.extend(error.map(|text| {
             reason(
                 Criterion::Ended,
@@ -171,11 +178,6 @@ impl Judge {
                 "",
             )
         }));
-        let explanations = parts.iter().filter(|f| f.basis == Basis::Explanation);
-        let refused = self.the_refused_sensor();
-        let (late, timely): (Vec<_>, Vec<_>) =
-            explanations.partition(|explanation| misses(explanation, refused, findings));
-        report.reasons.extend(timely.into_iter().map(|f| found(f, driver)));
         let explained = report.reasons.iter().any(names_the_fault);
         if !explained {
             let mut compared: Vec<Reason> = found_of(Basis::Comparison).collect();

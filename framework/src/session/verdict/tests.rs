@@ -409,3 +409,25 @@ fn what_is_found_without_a_sensor_does_not_explain_what_it_contradicted() {
     assert_eq!(first(11, 300), "imu");
     assert_eq!(first(9, 30), "imu");
 }
+
+/// The gyro bias is far off. The filter gives way to the compass three times in vain, and has found by then what is
+/// wrong with the IMU; the first doubt was about the compass.
+#[test]
+fn of_two_explanations_the_first_found_is_the_cause() {
+    let finding = |about: &str, seconds: i64, basis| Finding {
+        time: Time::from_nanos(seconds * 1_000_000_000),
+        about: about.to_owned(),
+        severity: Severity::DoNotUse,
+        basis,
+        text: String::new(),
+        remedy: String::new(),
+    };
+    let findings = [
+        finding("compass", 50, Basis::Comparison),
+        finding("imu", 60, Basis::Explanation),
+        finding("compass", 190, Basis::Explanation),
+    ];
+    let reasons = corrected(0.0, &findings).reasons;
+    let parts: Vec<&str> = reasons.iter().map(|r| r.about.as_str()).collect();
+    assert_eq!(parts, ["imu", "compass"]);
+}

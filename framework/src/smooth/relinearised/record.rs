@@ -9,7 +9,7 @@ use super::super::recording::{Pass, Recording};
 use super::super::watch::{self, Due, Watch};
 use crate::compose::estimator::Linearised;
 use crate::compose::snapshot::Snapshot;
-use crate::model::record::finding::Finding;
+use crate::model::record::finding::{Basis, Finding};
 use crate::model::record::{Observer, Repetition};
 use crate::units::sample::Sample;
 use crate::units::time::Span;
@@ -79,6 +79,8 @@ pub(super) struct Record {
     pub(super) failures: u32,
     /// Set where the products of errors decide about the passes.
     pub(super) watch: Option<Watch>,
+    /// Set once they have mattered.
+    mattered: bool,
     /// Time from the start before which no passes are tried after some that failed.
     pub(super) retry: Span,
     /// Time from the start before which no short steps are tried, and none without gates: they take long,
@@ -109,6 +111,7 @@ impl Record {
             span,
             failures: 0,
             watch,
+            mattered: false,
             retry: Span::ZERO,
             short: TURNED,
             open: TURNED,
@@ -129,7 +132,12 @@ impl Record {
             return Due::Nothing;
         }
         let weight = watch::weight(ekf);
+        // an error that was found before is no product, and passes would not know it
+        if !self.mattered && self.findings.iter().any(|f| f.basis == Basis::Explanation) {
+            return Due::End;
+        }
         let matters = watch.matters(weight, time.seconds());
+        self.mattered |= matters;
         if matters && time >= self.open && self.run.gated.contradict() {
             return Due::Passes;
         }

@@ -224,6 +224,30 @@ fn a_step_of_a_gyro_bias_is_named_and_followed() {
     }
 }
 
+/// From rest the velocity is off by 1 sigma of the DVL after 40 ms and by 50 after 2 s, so that the gate refuses nearly
+/// every sample. The estimate ends within 4 sigma, as above.
+#[test]
+fn a_bias_that_is_far_off_its_prior_from_the_start_is_named_and_found() {
+    let truths = [("gyro_bias", "1", "deg/h", "360"), ("accel_bias", "0.3", "mg", "-25")];
+    for (key, sigma, unit, size) in truths {
+        let truth = [size, "0", "0"].map(|x| format!("\"{x} {unit}\"")).join(", ");
+        let bias = format!("process.ins.{key}={{ sigma = \"{sigma} {unit}\", truth = [{truth}] }}");
+        let settings = ["estimator.stop=200 s".to_owned(), bias];
+        let registry = registry();
+        let scenario = Scenario::new(&registry, document("quickstart.toml"), &settings);
+        let scenario = scenario.unwrap_or_else(|e| panic!("{e}"));
+        let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+        let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+        let name = format!("ins.{key}");
+        let row = finished.summary.rows.iter().find(|row| row.name == name).unwrap();
+        let error = row.error.as_ref().unwrap()[0] / row.sigma[0];
+        assert!(error.abs() < 4.0, "{key}: {error}");
+        let named = |f: &Finding| f.text.contains(&format!("{name} x is off its prior by"));
+        assert!(finished.findings.iter().any(named), "{key}: {:?}", finished.findings);
+        assert_eq!(finished.summary.verdict.reasons[0].about, "imu", "{key}");
+    }
+}
+
 #[test]
 fn a_bias_that_may_wander_is_not_tested_for_steps() {
     let wander = "process.ins.gyro_bias.random_walk=0.001 deg/h/sqrt(h)";

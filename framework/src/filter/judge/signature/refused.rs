@@ -8,7 +8,7 @@ use crate::filter::judge::lockout::GONE;
 use crate::state::covariance::forward;
 use crate::units::sample::MAX_CHANNELS;
 
-/// Share of refused samples up to which they may be outliers that no offset explains.
+/// Share of the samples up to which they may be outliers.
 pub(super) const OUTLIERS: f64 = 0.1;
 
 /// What the gate refused of a sensor.
@@ -30,6 +30,11 @@ impl Gated {
             self.squares += sample.weight * products.map(|(y, white)| y * white).sum::<f64>();
             self.count += 1.0;
         }
+    }
+
+    /// Returns `true` if the gate used outliers alone.
+    pub(super) fn nearly_all(&self) -> bool {
+        self.all - self.count <= OUTLIERS * self.all
     }
 
     /// Returns `true` if an error with that score by all samples, and that by the used ones, explains

@@ -37,8 +37,9 @@ pub(super) struct Shift {
 }
 
 /// Largest step of a bias of the driving sensor, in sigmas of its prior: an instrument that is off by more has
-/// its axes turned, or its unit is wrong.
+/// its axes turned, or its unit is wrong. A gyro may be off by more: one of MEMS that is not calibrated is by 1 deg/s or 2.
 const STEP: f64 = 300.0;
+const GYRO: f64 = 2.0 * 1_f64.to_radians();
 
 /// Index of the sensor that a block belongs to, by its name.
 fn owner(sensors: &[Sensor], block: &str) -> Option<usize> {
@@ -55,11 +56,16 @@ pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
     let process = composition.processes.iter().find(|process| process.input.is_some());
     if let Some((process, input)) = process.and_then(|p| Some((p, p.input?))) {
         let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
-        let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
-        for block in constant {
-            let sigmas = block.spec.sigma.iter().map(|sigma| STEP * sigma);
-            let rows = block.tangent_range().zip(sigmas.chain(std::iter::repeat(f64::INFINITY)));
-            all.extend(rows.map(|(row, most)| Shift { most, ..shift(input, Place::State(row)) }));
+        let rows = blocks.flat_map(|block| {
+            let constant = block.estimated() && block.spec.dynamics == Dynamics::Constant;
+            let sigmas = block.spec.sigma.iter().copied().chain(std::iter::repeat(f64::INFINITY));
+            block.tangent_range().zip(sigmas).map(move |row| (constant, row))
+        });
+        for (k, (constant, (row, sigma))) in rows.enumerate() {
+            let channel = sensors[input].info.channels.get(k);
+            let gyro = channel.is_some_and(|channel| channel.unit.suffix() == "radps");
+            let most = (STEP * sigma).max(if gyro { GYRO } else { 0.0 });
+            all.extend(constant.then_some(Shift { most, ..shift(input, Place::State(row)) }));
         }
     }
     for (slot, block) in layout.blocks.iter().enumerate() {

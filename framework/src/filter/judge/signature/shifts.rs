@@ -308,8 +308,10 @@ impl Shifts {
     }
 
     /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
-    /// refuse one more. If it refuses one sensor alone, the samples before have to show the error as well: an error of
-    /// the driving sensor grows. It is none if it fits poorly, and a jump of one of the channels fits clearly better.
+    /// refuse one more. If it refuses one sensor alone, the error has to grow, as one of the driving sensor does: the
+    /// samples before show it as well, and it is none if it fits poorly and a jump of one of the channels clearly
+    /// better. Where nearly all samples were refused since the first sum began, it may fit those well, and clearly
+    /// better than any jump.
     pub(super) fn refused(
         &mut self,
         (time, alone): (Time, Option<usize>),
@@ -317,20 +319,20 @@ impl Shifts {
         containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
     ) -> Option<Step> {
+        let [squares, count] = self.refused;
+        let began = |axis, sum| self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
         let counts = |axis: usize, sum: usize| {
-            let [squares, count] = self.refused;
             let left = squares - self.evidence(axis, sum) - count;
             let Shift { sensor, patient, .. } = self.axes[axis];
-            let grows = || self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
+            let grows = |sensor| began(axis, sum) || self.grows(axis, sum, sensor);
             let driving = Some(sensor) == self.driver && !patient && sum != 0;
-            driving && left <= GONE * squares && (alone.is_none() || grows())
+            driving && left <= GONE * squares && alone.is_none_or(grows)
         };
         let worst = self.worst(counts, (covariance, considered), true)?;
-        let raw = worst.1.score.raw();
-        let [squares, count] = self.refused;
+        let (raw, sum) = (worst.1.score.raw(), worst.1.sum - at(worst.0, 0).1);
         let poor = squares - raw * raw > POOR * count;
-        let jumps = |sensor| poor && self.jump(sensor) > leading(raw);
-        if alone.is_some_and(jumps) || !self.leads(&worst, &rival) {
+        let jumps = |sensor| !began(worst.0, sum) || self.jump(sensor) > leading(raw);
+        if poor && alone.is_some_and(jumps) || !self.leads(&worst, &rival) {
             return None;
         }
         self.contain(worst, time, (covariance, considered), containment)

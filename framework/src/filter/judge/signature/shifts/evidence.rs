@@ -105,12 +105,20 @@ impl Shifts {
     pub(super) fn jump(&self, sensor: usize) -> f64 {
         let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
         let channels = own.filter(|(_, axis)| matches!(axis.place, Place::Channel(_)));
-        let refused = |(axis, sum): (usize, usize)| {
-            let (effect, column) = at(axis, sum);
-            self.effects[effect].all(column).without(&self.effects[effect].used(column)).raw()
-        };
         let sums = channels.flat_map(|(axis, _)| (0..SUMS).map(move |sum| (axis, sum)));
-        sums.map(refused).fold(0.0, f64::max)
+        sums.map(|(axis, sum)| self.of_refused(axis, sum)).fold(0.0, f64::max)
+    }
+
+    /// Score in sigma of an error, at the stated noise, by the samples that the gate refused.
+    fn of_refused(&self, axis: usize, sum: usize) -> f64 {
+        let (effect, column) = at(axis, sum);
+        self.effects[effect].all(column).without(&self.effects[effect].used(column)).raw()
+    }
+
+    /// Returns `true` if the gate refused nearly all samples of a sensor, and an error fits these clearly better than a jump of
+    /// one of its channels does.
+    pub(super) fn grows(&self, axis: usize, sum: usize, sensor: usize) -> bool {
+        self.gated[sensor].nearly_all() && self.of_refused(axis, sum) > leading(self.jump(sensor))
     }
 
     /// Score in sigma of the most significant drift of a sensor.
