@@ -6,7 +6,7 @@ use crate::strip::Words;
 use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Health, Judged, Lane, Stretch};
-use navfuse_core::model::record::verdict::{Criterion, Verdict};
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
@@ -58,11 +58,6 @@ impl SensorLane {
             words: Words::default(),
             after_silence: Vec::new(),
         })
-    }
-
-    /// Set where a finding or a reason is about the sensor or one of its states: `dvl.scale`.
-    pub fn is_meant_by(&self, about: &str) -> bool {
-        about.split(['.', ' ']).next() == Some(&self.name)
     }
 
     /// Writes the colours of the lane.
@@ -138,17 +133,10 @@ impl SensorLane {
     /// with the first sample that was used.
     pub fn finish(&mut self, end: Time, verdict: Option<&Verdict>) {
         self.lane.finish(end);
-        if verdict.is_some_and(|verdict| self.is_doubted_throughout(verdict)) {
+        if verdict.is_some_and(|verdict| verdict.doubts_throughout(&self.name)) {
             let used = self.lane.stretches.iter_mut().filter(|s| s.health == Health::Used);
             used.for_each(|stretch| stretch.health = Health::Doubted);
         }
-    }
-
-    /// Set where a statistic of the whole run speaks against the sensor.
-    pub fn is_doubted_throughout(&self, verdict: &Verdict) -> bool {
-        let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
-        let doubts = verdict.reasons.iter().filter(|r| r.severity > Severity::Contained);
-        doubts.into_iter().any(|r| whole(r.criterion) && self.is_meant_by(&r.about))
     }
 
     /// The stretches so far; the last one ends now.

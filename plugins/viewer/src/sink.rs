@@ -354,9 +354,8 @@ impl RerunSink {
 
     fn finding(&mut self, finding: &Finding) -> Result<(), StreamError> {
         if let Some(run) = &mut self.run {
-            let mut lanes = run.lanes.iter_mut();
-            let lane = lanes.find(|lane| lane.is_meant_by(&finding.about));
-            lane.map_or(Ok(()), |lane| lane.doubt(&self.recording, finding))?;
+            let mut lanes = run.lanes.iter_mut().filter(|lane| finding.is_about(&lane.name));
+            lanes.try_for_each(|lane| lane.doubt(&self.recording, finding))?;
             match run.findings.iter_mut().find(|before| before.about == finding.about) {
                 Some(before) if before.severity >= finding.severity => {}
                 Some(before) => *before = finding.clone(),

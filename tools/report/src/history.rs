@@ -314,9 +314,8 @@ impl RunHistory {
 
     /// Adds a finding.
     pub(crate) fn finding(&mut self, finding: &Finding) {
-        if let Some(sensor) = self.sensors.iter_mut().find(|s| s.is_meant_by(&finding.about)) {
-            sensor.health.doubt(finding);
-        }
+        let sensors = self.sensors.iter_mut().filter(|s| finding.is_about(&s.name));
+        sensors.for_each(|sensor| sensor.health.doubt(finding));
         if self.findings.len() < EVENTS {
             self.findings.push(finding.clone());
         }

@@ -2,9 +2,7 @@
 
 use crate::residuals::Residuals;
 use navfuse_core::model::record::Outcomes;
-use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::health::Lane;
-use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
 
@@ -123,19 +121,6 @@ impl Merge for Consistency {
 }
 
 impl SensorHistory {
-    /// Returns `true` if a finding is about the sensor or one of its states: `dvl.scale`.
-    pub(crate) fn is_meant_by(&self, about: &str) -> bool {
-        about.split(['.', ' ']).next() == Some(&self.name)
-    }
-
-    /// Returns `true` if a statistic of the whole run speaks against the sensor: it has no time of its own,
-    /// and doubts the sensor throughout.
-    pub(crate) fn is_doubted_throughout(&self, verdict: &Verdict) -> bool {
-        let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
-        let doubts = verdict.reasons.iter().filter(|r| r.severity > Severity::Contained);
-        doubts.into_iter().any(|r| whole(r.criterion) && self.is_meant_by(&r.about))
-    }
-
     /// Returns `true` for a measuring sensor with samples.
     pub fn measures(&self) -> bool {
         self.purpose != Some(Purpose::Input) && self.updates != Updates::default()

@@ -109,6 +109,12 @@ impl Basis {
     }
 }
 
+/// Returns `true` if a part at fault is the sensor or one of its states: `dvl.scale`, or `imu, dvl`
+/// where one of two is at fault.
+pub(super) fn belongs(about: &str, sensor: &str) -> bool {
+    about.split(", ").any(|part| part.split(['.', ' ']).next() == Some(sensor))
+}
+
 /// A fault that the filter or a monitor found, with its remedy. The verdict of a run lists its
 /// findings.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -134,6 +140,11 @@ impl Finding {
     pub fn event(&self) -> Event {
         let (about, text) = (self.about.clone(), self.to_string());
         Event { time: self.time, level: Level::Warning, about, text }
+    }
+
+    /// Returns `true` if the finding is about the sensor or one of its states: `dvl.scale`.
+    pub fn is_about(&self, sensor: &str) -> bool {
+        belongs(&self.about, sensor)
     }
 
     /// Weight among the findings of one part: the severity, and of equal ones how much it says.

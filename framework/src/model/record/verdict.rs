@@ -1,7 +1,7 @@
 //! Verdict of a run: whether its result may be used, and the reasons.
 
 use crate::model::chi_square::Band;
-use crate::model::record::finding::Severity;
+use crate::model::record::finding::{Severity, belongs};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -73,6 +73,11 @@ pub enum Criterion {
 }
 
 impl Criterion {
+    /// Returns `true` for a statistic of the whole run, which has no time of its own.
+    pub fn is_of_the_whole_run(self) -> bool {
+        !matches!(self, Self::Finding | Self::Silence)
+    }
+
     /// Returns `true` if a violation shows that sensors contradict the filter, and not why.
     pub(crate) fn compares(self) -> bool {
         use Criterion::{Bias, Channel, Contradiction, Correlation, Drift, Gated};
@@ -96,6 +101,13 @@ pub struct Reason {
     pub text: String,
     /// Remedy: the key or the part of the vehicle to look at; empty if the evidence names it.
     pub remedy: String,
+}
+
+impl Reason {
+    /// Returns `true` if the reason is about the sensor or one of its states: `dvl.scale`.
+    pub fn is_about(&self, sensor: &str) -> bool {
+        belongs(&self.about, sensor)
+    }
 }
 
 impl fmt::Display for Reason {
@@ -188,6 +200,13 @@ impl Verdict {
         self.severity().verdict()
     }
 
+    /// Returns `true` if a statistic of the whole run speaks against the sensor, which doubts the sensor
+    /// throughout.
+    pub fn doubts_throughout(&self, sensor: &str) -> bool {
+        let doubts = self.reasons.iter().filter(|r| r.severity > Severity::Contained);
+        doubts.into_iter().any(|r| r.criterion.is_of_the_whole_run() && r.is_about(sensor))
+    }
+
     /// NIS of the sensor of that name.
     pub fn sensor(&self, name: &str) -> Option<&SensorConsistency> {
         self.sensors.iter().find(|s| s.sensor == name)
@@ -239,6 +258,21 @@ mod tests {
         let contained = Verdict::new(vec![reason(Severity::Contained, "gnss")], Vec::new());
         assert_eq!(contained.headline(), "usable, with a contained fault: gnss");
         assert_eq!(contained.text, "usable, with a contained fault: gnss: is wrong");
+    }
+
+    #[test]
+    fn a_statistic_of_the_whole_run_doubts_a_sensor_throughout_and_a_finding_does_not() {
+        let nis = |severity, about| Verdict::new(vec![reason(severity, about)], Vec::new());
+        let doubted = nis(Severity::Doubtful, "dvl.scale");
+        assert!(doubted.doubts_throughout("dvl") && !doubted.doubts_throughout("depth"));
+        assert!(!nis(Severity::Contained, "dvl").doubts_throughout("dvl"));
+        let either = nis(Severity::DoNotUse, "imu, dvl");
+        assert_eq!(
+            ["imu", "dvl", "depth"].map(|s| either.doubts_throughout(s)),
+            [true, true, false]
+        );
+        let found = Reason { criterion: Criterion::Finding, ..reason(Severity::DoNotUse, "dvl") };
+        assert!(!Verdict::new(vec![found], Vec::new()).doubts_throughout("dvl"));
     }
 
     #[test]

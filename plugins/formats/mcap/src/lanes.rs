@@ -84,13 +84,13 @@ impl Lanes {
         lane.write(log, time)
     }
 
-    /// Takes a finding about a sensor or one of its states.
+    /// Takes a finding about sensors or their states.
     pub fn finding(&mut self, log: &mut LogWriter, finding: &Finding) -> Result<(), StreamFailure> {
-        let about = finding.about.split(['.', ' ']).next();
-        let mut lanes = self.lanes.iter_mut().flatten();
-        let Some(lane) = lanes.find(|lane| about == Some(&lane.name)) else { return Ok(()) };
-        lane.lane.doubt(finding);
-        lane.write(log, finding.time)
+        let lanes = self.lanes.iter_mut().flatten();
+        lanes.filter(|lane| finding.is_about(&lane.name)).try_for_each(|lane| {
+            lane.lane.doubt(finding);
+            lane.write(log, finding.time)
+        })
     }
 
     /// Notes the time of an estimate, or of the filter's own one in a run that is smoothed, and with it

@@ -87,7 +87,7 @@ fn parts_without_a_lane<'a>(lanes: &[SensorLane], verdict: &'a Verdict) -> Vec<&
     let mut others: Vec<&str> = Vec::new();
     for reason in verdict.reasons.iter().filter(|r| r.severity > Severity::Contained) {
         let known = others.contains(&reason.about.as_str());
-        if !known && !lanes.iter().any(|lane| lane.is_meant_by(&reason.about)) {
+        if !known && !lanes.iter().any(|lane| reason.is_about(&lane.name)) {
             others.push(&reason.about);
         }
     }
@@ -128,13 +128,12 @@ impl Accusation {
         };
         let of = |criterion: &dyn Fn(Criterion) -> bool, least: Severity| {
             verdict.reasons.iter().position(|r| {
-                criterion(r.criterion) && r.severity > least && lane.is_meant_by(&r.about)
+                criterion(r.criterion) && r.severity > least && r.is_about(&lane.name)
             })
         };
         // a finding has a time; a statistic of the whole run has none
         let found = of(&|c| c == Criterion::Finding, Severity::Note);
-        let whole = |c: Criterion| !matches!(c, Criterion::Finding | Criterion::Silence);
-        let whole = of(&whole, Severity::Contained);
+        let whole = of(&Criterion::is_of_the_whole_run, Severity::Contained);
         let order = found.or(whole)?;
         let useless = found.is_some_and(|k| verdict.reasons[k].severity == Severity::DoNotUse);
         Some(Self { order, useless, whole: whole.is_some() })

@@ -20,7 +20,7 @@ pub(super) fn strips(history: &RunHistory) -> Markup {
         return html! {};
     };
     let bars = history.sensors.iter().map(|s| {
-        let doubted = history.verdict.as_ref().is_some_and(|v| s.is_doubted_throughout(v));
+        let doubted = history.verdict.as_ref().is_some_and(|v| v.doubts_throughout(&s.name));
         (s.name.as_str(), spans(&s.health, last, doubted))
     });
     let bars: Vec<_> = bars.filter(|(_, spans)| !spans.is_empty()).collect();
