@@ -161,8 +161,13 @@ impl Judge {
         let mut contradict_physics: Vec<Reason> = found_of(Basis::Samples).collect();
         // a finding about one part says more than one about either of two
         contradict_physics.sort_by_key(|reason| reason.about.contains(", "));
+        // a driving sensor that is useless moves the estimate, so that healthy sensors seem to have errors
+        let of_the_driver = |about: &str| driver == Some(about);
+        let misled = (contradict_physics.iter())
+            .any(|reason| names_the_fault(reason) && of_the_driver(&reason.about));
         report.reasons.append(&mut contradict_physics);
-        let explanations = parts.iter().filter(|f| f.basis == Basis::Explanation);
+        let explanations = (parts.iter().filter(|f| f.basis == Basis::Explanation))
+            .filter(|f| !misled || of_the_driver(&f.about));
         let refused = self.the_refused_sensor();
         let (late, mut timely): (Vec<&Finding>, Vec<&Finding>) =
             explanations.copied().partition(|explanation| misses(explanation, refused, findings));

@@ -362,7 +362,8 @@ fn of_reasons_of_one_severity_those_that_the_samples_of_a_part_show_come_first()
 }
 
 /// An innovation of 10 moves the state far from its prior. A fault that names itself explains that, and
-/// one that only comparisons show does not. The driving sensor explains several others.
+/// one that only comparisons show does not. The driving sensor explains several others, and where its own
+/// samples show its fault, also what other samples fit.
 #[test]
 fn what_the_first_fault_explains_is_left_out() {
     let finding = |about: &str, basis| Finding {
@@ -386,6 +387,10 @@ fn what_the_first_fault_explains_is_left_out() {
         let verdict = corrected(10.0, &all);
         assert_eq!(verdict.answers().sigma, Truth::TooSmall);
     }
+    let explained = finding("gnss", Basis::Explanation);
+    let own = ["imu", "dvl"].map(|about| finding(about, Basis::Samples));
+    assert_eq!(parts(&[explained.clone(), own[0].clone()]), ["imu"]);
+    assert_eq!(parts(&[explained, own[1].clone()]), ["dvl", "gnss"]);
 }
 
 /// Of 100 samples 9 or 11 are used.

@@ -109,7 +109,7 @@ pub(super) fn finding(lag: &Lag, time: Time, sensor: &str, layout: &Layout) -> F
         severity: found.severity,
         basis: Basis::Explanation,
         text: format!(
-            "since {} its samples fit a time offset of {tau:+.3} s +- {:.3} s ({:.1} sigma), which is \
+            "after {} its samples fit a time offset of {tau:+.3} s +- {:.3} s ({:.1} sigma), which is \
              not modelled: it has moved {}",
             score.since,
             score.variance().sqrt(),
