@@ -121,7 +121,8 @@ fn states(comparison: &Comparison) {
     line(format_args!("{rows}\n"));
     line(format_args!(
         "its sigma: of the difference of independent estimates; runs that share samples differ by \
-         less\n"
+         less{}\n",
+        comparison.other_ends().map_or_else(String::new, |ends| format!(". {ends}"))
     ));
 }
 

@@ -283,6 +283,16 @@ fn a_pair_that_differs_in_one_key_shows_that_key_first_and_the_errors_of_both_ru
     assert!(Path::new(&out).join("compare.rrd").is_file());
 }
 
+/// The columns of the differences are empty, which a sentence explains.
+#[test]
+fn runs_that_end_at_different_times_have_a_sentence_instead_of_a_difference() {
+    let path = scenario("quickstart").display().to_string();
+    let stop = ["--set", "estimator.stop=75 s", "--vary", "estimator.stop=70 s", "--no-output"];
+    let printed = stdout(&navfuse(&[&["compare", &path], &stop[..]].concat()));
+    let words: Vec<&str> = printed.split_whitespace().collect();
+    assert!(words.join(" ").contains("B ends at another time than A: the"), "{printed}");
+}
+
 #[test]
 fn a_comparison_that_cannot_be_made_is_rejected_with_a_remedy() {
     let path = scenario("quickstart").display().to_string();

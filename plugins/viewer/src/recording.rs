@@ -23,8 +23,10 @@ pub const APPLICATION: &str = "navfuse";
 pub const TIMELINE: &str = "t";
 /// The whole seconds of the clock, which the viewer writes as `#600` where it writes `+10m` for the clock.
 pub const SECONDS: &str = "seconds";
-/// Length of a run from which on its plots have whole seconds, ns: a few pixels.
-const LONG: i64 = 120_000_000_000;
+/// Length of a run from which on its plots have whole seconds, ns. In a longer run the minutes of the clock
+/// are too close together for their labels; in a shorter one a second is several pixels, and its lines would
+/// be stairs.
+const LONG: i64 = 300_000_000_000;
 
 /// The timeline of the plots and of the layout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -394,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_short_run_has_the_clock_and_a_long_one_whole_seconds() {
-        let axes = [119, 120].map(|s| Axis::of(Some((0, s * 1_000_000_000))));
+        let axes = [299, 300].map(|s| Axis::of(Some((0, s * 1_000_000_000))));
         assert_eq!(axes, [Axis::Clock, Axis::Seconds]);
         assert_eq!([-1, 1_999_999_999].map(whole), [-1, 1]);
     }

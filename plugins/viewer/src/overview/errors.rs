@@ -112,11 +112,12 @@ impl Errors {
         } else {
             ""
         };
+        let were = if wrong == 1 { "was" } else { "were" };
         let _ = match (all, self.simulated) {
             (0, _) => writeln!(page, "{answer}. There is no truth."),
             (_, true) => writeln!(
                 page,
-                "{answer}: {wrong} of {all} states were outside 3 sigma for more than {share:.0} % of \
+                "{answer}: {wrong} of {all} states {were} outside 3 sigma for more than {share:.0} % of \
                  the time{named}{chance}."
             ),
             (_, false) => writeln!(page, "{answer}. {}", self.beside(blocks)),

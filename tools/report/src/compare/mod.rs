@@ -157,6 +157,27 @@ impl Comparison {
             states: states(runs),
         })
     }
+
+    /// Sentence about the runs that end at another time than the first one: their last estimates have no
+    /// difference. `None` without such runs.
+    pub fn other_ends(&self) -> Option<String> {
+        let first = self.runs.first()?;
+        let apart = |k: &usize| {
+            let pairs = self.states.iter().filter_map(|s| s.runs[0].zip(s.runs[*k]));
+            let mut known = pairs.map(|(_, run)| run.difference.is_some()).peekable();
+            known.peek().is_some() && !known.any(|known| known)
+        };
+        let letters = (1..self.runs.len()).filter(apart).map(|k| self.runs[k].letter.as_str());
+        let letters: Vec<&str> = letters.collect();
+        let end = if letters.len() == 1 { "ends" } else { "end" };
+        (!letters.is_empty()).then(|| {
+            format!(
+                "{} {end} at another time than {}: the last estimates have no difference.",
+                letters.join(", "),
+                first.letter
+            )
+        })
+    }
 }
 
 impl RunResult {

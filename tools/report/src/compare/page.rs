@@ -60,7 +60,8 @@ pub fn comparison(
                 p.note {
                     "Difference: from run " (first) ". Its sigma holds for two estimates with "
                     "independent errors. Runs that share their samples differ by less, so a "
-                    "difference beyond 3 sigma contradicts one of the two uncertainties."
+                    "difference beyond 3 sigma contradicts one of the two uncertainties. "
+                    (comparison.other_ends().unwrap_or_default())
                 }
             }
             section #figures {
