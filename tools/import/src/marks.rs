@@ -4,12 +4,13 @@
 type Mark = (usize, &'static [u8], &'static str, &'static str);
 
 const TABLE: &str = "export it as a table (CSV) with a heading for each column";
+const QUERY: &str = "export each of its tables as CSV, such as with `.mode csv` and `.headers on` of sqlite3, or with COPY";
 const UNPACK: &str = "unpack it and give its files";
 const SOLVE: &str = "compute its positions, such as with rnx2rtkp of RTKLIB, and give these";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 31] = [
+const LONG: [Mark; 36] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -31,6 +32,11 @@ const LONG: [Mark; 31] = [
         "a log of Betaflight",
         "export it as a table (CSV) with blackbox_decode",
     ),
+    (0, b"SQLite format 3\0", "a database of SQLite", QUERY),
+    (0, b"PRAGMA ", "a database of SQLite as commands (.dump)", QUERY),
+    (0, b"BEGIN TRANSACTION;", "a database as commands of SQL", QUERY),
+    (0, b"-- MySQL dump", "a database as commands of SQL", QUERY),
+    (0, b"--\n-- PostgreSQL", "a database as commands of SQL", QUERY),
     (0, b"%PDF-", "a PDF document", TABLE),
     (0, b"{\\rtf", "a text document", TABLE),
     (0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a document of Microsoft Office (.xls)", TABLE),

@@ -242,7 +242,7 @@ impl Recording {
             self.undecided = odometry.map(|odometry| (odometry, file.to_owned()));
             return Ok(true);
         }
-        let noted = self.notes.len();
+        let (noted, mut beside) = (self.notes.len(), Vec::new());
         let (reader, found) = if rows {
             (Reader::Csv, table::oxts(&navfuse_csv::text(&bytes)))
         } else if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
@@ -266,6 +266,7 @@ impl Recording {
         } else if let Some(found) = vehicle::unchecked(&bytes, &mut self.notes) {
             (Reader::Vehicle(Format::Novatel, self.next_log()), found)
         } else if let Some(found) = instrument::nmea(&bytes) {
+            beside = table::inertial_kinds(&navfuse_csv::text(&bytes));
             (Reader::Nmea, found)
         } else {
             let found = as_table(file, &bytes)?;
@@ -281,6 +282,9 @@ impl Recording {
                 found.kind = "reference";
             }
             self.add_part(found, reader, file, &absolute, None)?;
+        }
+        for found in beside {
+            self.add_part(found, Reader::Csv, file, &absolute, None)?;
         }
         Ok(true)
     }

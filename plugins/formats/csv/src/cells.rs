@@ -90,7 +90,11 @@ impl ChannelCell {
             Notation::DegreesMinutesSeconds => {
                 let one = value(0).is_nan() || value(0).abs() > PACKED;
                 let cells = [cell(0), cell(1), cell(2)];
-                degrees(if one { &cells[..1] } else { &cells }).unwrap_or(f64::NAN)
+                // minutes with decimals have no seconds behind them
+                let minutes = cells[1].rsplit(|b| *b == b'.').next();
+                let two = cells[1].contains(&b'.') && minutes.is_some_and(|part| part.len() > 1);
+                let count = if one { 1 } else { 3 - usize::from(two) };
+                degrees(&cells[..count]).unwrap_or(f64::NAN)
             }
             Notation::LatitudeLongitude | Notation::LongitudeLatitude => {
                 let reversed = self.notation == Notation::LongitudeLatitude;

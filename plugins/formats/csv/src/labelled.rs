@@ -4,6 +4,8 @@
 use crate::line::line;
 use crate::object::object;
 use crate::paths::bounded;
+use crate::pieces::{Joined, Pieces};
+use crate::protobuf;
 use crate::transposed::{self, Columns};
 use crate::wrapped;
 use crate::xml;
@@ -26,6 +28,7 @@ enum Form {
     Columns(Option<Columns>),
     Yaml(yaml::Parts),
     Xml(xml::Points),
+    Protobuf,
 }
 
 /// The records of a file: objects, lines, parts of YAML, or points of XML.
@@ -45,7 +48,8 @@ impl<R: Read> Records<R> {
         let wrapped = || wrapped::Array::of(&text).map(Form::Wrapped);
         let json = text.trim_start().starts_with(['{', '[']);
         let columns = || (json && transposed::begins(&text)).then_some(Form::Columns(None));
-        let form = columns().or_else(|| yaml::Parts::of(&text).map(Form::Yaml));
+        let protobuf = || protobuf::begins(&text).then_some(Form::Protobuf);
+        let form = columns().or_else(protobuf).or_else(|| yaml::Parts::of(&text).map(Form::Yaml));
         let form = form.or_else(xml).or_else(wrapped);
         let form = form.unwrap_or(Form::Plain);
         let file = BufReader::new(Cursor::new(beginning).chain(file));
@@ -67,6 +71,7 @@ impl<R: Read> Records<R> {
                 }
                 Ok(columns.as_mut().is_some_and(Columns::advance))
             }
+            Form::Protobuf => protobuf::next(&mut self.file, &mut self.record),
             Form::Plain => next(&mut self.file, &mut self.record),
         }
     }
@@ -83,6 +88,7 @@ impl<R: Read> Records<R> {
         match &self.form {
             Form::Yaml(_) => yaml::values(&record, found),
             Form::Xml(_) => xml::values(&record, found),
+            Form::Protobuf => protobuf::values(&record, found),
             _ if record.starts_with('{') => object(&record, found),
             _ => line(&record, found),
         }
@@ -172,24 +178,21 @@ pub struct Labelled {
     file: Records<Box<dyn Read + Send>>,
     headings: Vec<String>,
     cells: Vec<String>,
-    row: Vec<u8>,
-    /// Number of bytes of the row that were given.
-    given: usize,
 }
 
 impl Labelled {
     /// The rows of a file, in the order of the headings.
-    pub fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Self {
+    pub fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Joined<Self> {
         let cells = vec![String::new(); headings.len()];
-        let (row, file) = (Vec::new(), Records::new(file));
-        Self { file, headings, cells, row, given: 0 }
+        Joined::new(Self { file: Records::new(file), headings, cells })
     }
+}
 
-    /// Reads the next row; `false` at the end.
-    fn advance(&mut self) -> Result<bool> {
-        let more = self.file.advance()?;
-        self.row.clear();
-        self.given = 0;
+impl Pieces for Labelled {
+    fn next(&mut self, row: &mut Vec<u8>) -> Result<bool> {
+        if !self.file.advance()? {
+            return Ok(false);
+        }
         self.cells.iter_mut().for_each(String::clear);
         let (headings, cells) = (&self.headings, &mut self.cells);
         self.file.values(|name, value| {
@@ -198,24 +201,13 @@ impl Labelled {
             let plain = |c: char| if c.is_control() || [',', '"'].contains(&c) { ' ' } else { c };
             cell.into_iter().for_each(|cell| cell.extend(value.chars().map(plain)));
         });
-        if more {
-            self.row.extend_from_slice(self.cells.join(",").as_bytes());
-            self.row.push(b'\n');
+        // protobuf leaves out what is zero
+        if matches!(self.file.form, Form::Protobuf) {
+            self.cells.iter_mut().filter(|c| c.is_empty()).for_each(|cell| cell.push('0'));
         }
-        Ok(more)
-    }
-}
-
-impl Read for Labelled {
-    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
-        if self.given == self.row.len() && !self.advance()? {
-            return Ok(0);
-        }
-        let rest = &self.row[self.given..];
-        let count = rest.len().min(bytes.len());
-        bytes[..count].copy_from_slice(&rest[..count]);
-        self.given += count;
-        Ok(count)
+        row.extend_from_slice(self.cells.join(",").as_bytes());
+        row.push(b'\n');
+        Ok(true)
     }
 }
 
@@ -267,6 +259,9 @@ mod tests {
         let kml = "<kml><gx:Track><when>a</when><when>b</when><gx:coord>11.9 57.1 5</gx:coord>\
                    <gx:coord>12 57 6</gx:coord></gx:Track></kml>";
         assert_eq!(table(kml, &["time", "lat", "lon", "alt"]), "a,57.1,11.9,5\nb,57,12,6\n");
+        let log = "<log><!-- a > b --><rows n=\"2\"><s t=\"1\"><g x=\"2\"/></s><s t='2'><lat>57</lat></s>\
+                   <s t=\"3\"/></rows></log>";
+        assert_eq!(table(log, &["t", "g.x", "lat"]), "1,2,\n2,,57\n3,,\n");
     }
 
     #[test]
@@ -280,6 +275,8 @@ mod tests {
         assert_eq!(table(message, &headings), "1700000000.01,0.1,0.3,2,9.8\n");
         let words = "t=5 A: 0.1 0.2 9.8 G: 1 2 3\n";
         assert_eq!(table(words, &["t", "A.1", "G.0", "G.2"]), "5,0.2,1,3\n");
+        let log = "[0.5] IMU: gyro=(0.1, 0.2, 0.3) t=4\n";
+        assert_eq!(table(log, &["stamp", "kind", "gyro.1", "t"]), "0.5,IMU,0.2,4\n");
         assert_eq!(table("t=0.5 at=22:13:20 a=1", &["t", "at", "a"]), "0.5,22:13:20,1\n");
     }
 
@@ -294,6 +291,18 @@ mod tests {
                     f:\n  x: 9.8\n---\nheader:\n  stamp:\n    sec: 2\nw:\n  x: 0.2\n---\n";
         let headings = ["header.stamp.sec", "header.stamp.nanosec", "w.x", "c.1", "f.x"];
         assert_eq!(table(echo, &headings), "1,5,0.1,2.0,9.8\n2,,0.2,,\n");
+    }
+
+    #[test]
+    fn messages_of_protobuf_are_rows_and_what_they_leave_out_is_zero() {
+        let message = |sec: u8, x: &str| {
+            format!(
+                "header {{\n  stamp {{\n    sec: {sec}\n  }}\n}}\nname: \"a: b\"\nw {{\n{x}  y: -1e-3\n}}\n\n"
+            )
+        };
+        let text = message(1, "  x: 0.5\n") + &message(2, "");
+        let headings = ["header.stamp.sec", "w.x", "w.y"];
+        assert_eq!(table(text.leak(), &headings), "1,0.5,-1e-3\n2,0,-1e-3\n");
     }
 
     proptest! {

@@ -29,6 +29,8 @@ mod map;
 mod number;
 mod object;
 mod paths;
+mod pieces;
+mod protobuf;
 mod sequence;
 pub mod sink;
 mod source;

@@ -30,10 +30,18 @@ pub fn line(text: &str, mut found: impl FnMut(&str, &str)) {
         if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
             continue;
         }
+        let value = text[at..].trim_start();
+        // as `IMU: gyro=(0.1, 0.2, 0.3)`
+        let is_kind = first && text[mark..].starts_with(':') && names_value(value);
+        if is_kind {
+            found(KIND, name);
+        }
         if std::mem::take(&mut first) {
             stamped = beginning(&text[..start], &mut found);
         }
-        let value = text[at..].trim_start();
+        if is_kind {
+            continue;
+        }
         if let Some((numbers, used)) = several(value).filter(|_| stems.is_empty()) {
             at = text.len() - value.len() + used;
             for (k, number) in numbers.into_iter().enumerate() {
@@ -60,6 +68,13 @@ pub fn line(text: &str, mut found: impl FnMut(&str, &str)) {
     if !first && !stamped && rest.len() > 8 && rest.bytes().all(|b| b.is_ascii_digit()) {
         found(STAMP, rest);
     }
+}
+
+/// Tests whether a text begins with a name and its value, `gyro=0.1`.
+fn names_value(text: &str) -> bool {
+    let named = |c: char| c.is_alphanumeric() || ['_', '.', '[', ']'].contains(&c);
+    let after = text.trim_start_matches(named);
+    text.starts_with(char::is_alphabetic) && after.starts_with('=')
 }
 
 /// The name of a value with the unit behind it in brackets, `Speed: 54.1 km/h,`, and the length of the unit; the name

@@ -1,8 +1,10 @@
 //! The lines of a file, each of which is changed before its cells are read: a stamp of a terminal program, columns of a
 //! fixed width, and rows from the newest to the oldest.
 
+use crate::pieces::{Joined, Pieces};
 use crate::stamps::as_cell;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
+use std::ops::Range;
 
 /// Longest line that is changed, in bytes.
 const LONGEST: u64 = 1 << 20;
@@ -48,33 +50,22 @@ pub fn cut(line: &str, widths: &[u16]) -> String {
 pub struct Lines<R> {
     file: BufReader<R>,
     change: Change,
-    line: Vec<u8>,
-    /// Number of bytes of the line that were given.
-    given: usize,
 }
 
 impl<R: Read> Lines<R> {
-    pub fn new(file: R, change: Change) -> Self {
-        Self { file: BufReader::new(file), change, line: Vec::new(), given: 0 }
+    pub fn new(file: R, change: Change) -> Joined<Self> {
+        Joined::new(Self { file: BufReader::new(file), change })
     }
 }
 
-impl<R: Read> Read for Lines<R> {
-    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
-        if self.given == self.line.len() {
-            let mut line = Vec::new();
-            (&mut self.file).take(LONGEST).read_until(b'\n', &mut line)?;
-            let changed = match line.is_empty() {
-                true => None,
-                false => self.change.of(&String::from_utf8_lossy(&line)),
-            };
-            (self.line, self.given) = (changed.map_or(line, String::into_bytes), 0);
+impl<R: Read> Pieces for Lines<R> {
+    fn next(&mut self, line: &mut Vec<u8>) -> Result<bool> {
+        (&mut self.file).take(LONGEST).read_until(b'\n', line)?;
+        let changed = (!line.is_empty()).then(|| self.change.of(&String::from_utf8_lossy(line)));
+        if let Some(changed) = changed.flatten() {
+            *line = changed.into_bytes();
         }
-        let rest = &self.line[self.given..];
-        let count = rest.len().min(bytes.len());
-        bytes[..count].copy_from_slice(&rest[..count]);
-        self.given += count;
-        Ok(count)
+        Ok(!line.is_empty())
     }
 }
 
@@ -82,62 +73,52 @@ impl<R: Read> Read for Lines<R> {
 pub struct Backwards<R> {
     file: R,
     above: usize,
-    /// The bytes, once they were read, and the places of the lines that are still to be given, the next one last.
-    bytes: Option<Vec<u8>>,
-    left: Vec<(usize, usize)>,
+    bytes: Vec<u8>,
+    /// The places of the lines that are still to be given, the next one last, once the file was read.
+    left: Option<Vec<Range<usize>>>,
 }
 
 impl<R: Read> Backwards<R> {
-    pub fn new(file: R, above: u64) -> Self {
+    pub fn new(file: R, above: u64) -> Joined<Self> {
         let above = usize::try_from(above).unwrap_or(usize::MAX);
-        Self { file, above, bytes: None, left: Vec::new() }
+        Joined::new(Self { file, above, bytes: Vec::new(), left: None })
     }
 
-    fn fill(&mut self) -> Result<()> {
-        let mut bytes = Vec::new();
-        (&mut self.file).take(LARGEST + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > LARGEST {
+    /// Reads the file, and finds its lines.
+    fn fill(&mut self) -> Result<Vec<Range<usize>>> {
+        (&mut self.file).take(LARGEST + 1).read_to_end(&mut self.bytes)?;
+        if self.bytes.len() as u64 > LARGEST {
             let text = format!(
                 "a file whose rows run backwards may have {LARGEST} bytes: sort its rows by their time"
             );
             return Err(Error::new(ErrorKind::InvalidData, text));
         }
-        if !bytes.is_empty() && !bytes.ends_with(b"\n") {
-            bytes.push(b'\n');
+        if !self.bytes.is_empty() && !self.bytes.ends_with(b"\n") {
+            self.bytes.push(b'\n');
         }
         let mut begin = 0;
-        let mut lines: Vec<(usize, usize)> = bytes
-            .split_inclusive(|b| *b == b'\n')
-            .map(|line| {
-                let from = begin;
-                begin += line.len();
-                (from, begin)
-            })
-            .collect();
-        let above = self.above.min(lines.len());
-        let first: Vec<(usize, usize)> = lines.drain(..above).collect();
+        let place = |line: &[u8]| {
+            let from = begin;
+            begin += line.len();
+            from..begin
+        };
+        let mut lines: Vec<_> = self.bytes.split_inclusive(|b| *b == b'\n').map(place).collect();
+        let first: Vec<_> = lines.drain(..self.above.min(lines.len())).collect();
         lines.extend(first.into_iter().rev());
-        (self.bytes, self.left) = (Some(bytes), lines);
-        Ok(())
+        Ok(lines)
     }
 }
 
-impl<R: Read> Read for Backwards<R> {
-    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
-        if self.bytes.is_none() {
-            self.fill()?;
-        }
-        let Some(((from, to), all)) = self.left.last_mut().zip(self.bytes.as_ref()) else {
-            return Ok(0);
+impl<R: Read> Pieces for Backwards<R> {
+    fn next(&mut self, line: &mut Vec<u8>) -> Result<bool> {
+        let mut left = match self.left.take() {
+            Some(left) => left,
+            None => self.fill()?,
         };
-        let rest = &all[*from..*to];
-        let count = rest.len().min(bytes.len());
-        bytes[..count].copy_from_slice(&rest[..count]);
-        *from += count;
-        if from == to {
-            self.left.pop();
-        }
-        Ok(count)
+        let place = left.pop();
+        self.left = Some(left);
+        place.clone().into_iter().for_each(|place| line.extend_from_slice(&self.bytes[place]));
+        Ok(place.is_some())
     }
 }
 

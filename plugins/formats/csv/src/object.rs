@@ -1,9 +1,6 @@
 //! The values of an object of JSON with their paths.
 
-use crate::paths::join;
-
-/// Deepest nesting of an object.
-const DEEPEST: usize = 32;
+use crate::paths::{DEEPEST, join};
 
 /// Quotation marks of JSON, and of the printed objects of Python.
 const QUOTES: [char; 2] = ['"', '\''];

@@ -2,6 +2,10 @@
 
 use std::io::{Error, ErrorKind, Result};
 
+/// Bytes of a line that are read at once.
+pub const PIECE: u64 = 1 << 16;
+/// Deepest nesting of a record.
+pub const DEEPEST: usize = 32;
 /// Largest length of a record, in bytes.
 const LONGEST: usize = 1 << 20;
 

@@ -1,6 +1,6 @@
 //! JSON with an array for each column, as pandas, Strava and many scripts write it: `{"time": [0, 1], "gx": [0.1, 0.2]}`,
-//! `{"columns": ["time", "gx"], "data": [[0, 0.1], [1, 0.2]]}`, `{"time": {"data": [0, 1]}}` and
-//! `[{"type": "time", "data": [0, 1]}]`.
+//! `{"columns": ["time", "gx"], "data": [[0, 0.1], [1, 0.2]]}`, `{"time": {"data": [0, 1]}}`, `{"time": {"0": 0, "1": 1}}`
+//! and `[{"type": "time", "data": [0, 1]}]`. Arrays of other lengths are rows of their own.
 
 use crate::object::object;
 use std::collections::BTreeMap;
@@ -50,11 +50,19 @@ impl Cells {
     }
 }
 
-/// The columns of a file.
+/// Columns of about one length, and the number of their rows.
+#[derive(Default)]
+struct Group {
+    columns: Vec<(usize, String, Cells)>,
+    rows: usize,
+}
+
+/// The columns of a file: the rows of the longest ones come first, and those of other sensors follow.
 #[derive(Default)]
 pub struct Columns {
-    columns: Vec<(String, Cells)>,
-    rows: usize,
+    groups: Vec<Group>,
+    /// The group of the current row, and how many of its rows were begun.
+    group: usize,
     at: usize,
 }
 
@@ -70,6 +78,8 @@ pub fn begins(text: &str) -> bool {
     let (mut depth, mut quoted, mut escaped, mut elements) = (0_usize, false, false, 0_usize);
     let mut opened = Vec::new();
     let mut key = String::new();
+    // values of one object whose keys count them
+    let mut counted = 0_usize;
     for c in text.chars() {
         if quoted {
             quoted = c != '"' || escaped;
@@ -89,6 +99,7 @@ pub fn begins(text: &str) -> bool {
                 depth += 1;
                 opened.push(c);
                 elements = if c == '{' { 0 } else { elements };
+                counted = 0;
             }
             '}' | ']' => {
                 depth = depth.saturating_sub(1);
@@ -98,13 +109,14 @@ pub fn begins(text: &str) -> bool {
                 }
             }
             ',' if opened.last() == Some(&'[') => elements += 1,
+            ',' if key.parse() == Ok(counted) => counted += 1,
             _ => {}
         }
         let listed = opened.first() == Some(&'[');
         let named = !listed || VALUES.contains(&key.as_str());
         let braces = opened.iter().filter(|c| **c == '{').count();
         let shallow = depth <= deepest[0] && braces <= deepest[1];
-        if elements >= LEAST && named && shallow && opened.contains(&'{') {
+        if elements.max(counted) >= LEAST && named && shallow && opened.contains(&'{') {
             return true;
         }
     }
@@ -159,55 +171,78 @@ impl Columns {
                 column.1.push(value);
             }
         });
-        let headings = columns.remove("columns").map(|(_, names)| names);
-        let headings = headings.as_ref().map(Cells::all);
-        let rows = columns.values().map(|(_, cells)| cells.count).max().unwrap_or(0);
+        // headings beside the rows of all columns, or of those of a sensor
+        let titles = |path: &String, _: &mut (usize, Cells)| path.ends_with("columns");
+        let titles: Vec<(String, (usize, Cells))> = columns.extract_if(.., titles).collect();
         let name = |path: &str| {
             let (first, rest) = path.split_once('.').map_or((path, ""), |(a, b)| (a, b));
-            let of_list = || names.get(first).map(|name| (name.clone(), rest));
-            let of_split = || {
-                let (k, after) = rest.split_once('.').map_or((rest, ""), |(a, b)| (a, b));
-                let heading = headings.as_ref().filter(|_| first == "data")?;
-                Some(((*heading.get(k.parse::<usize>().ok()?)?).to_owned(), after))
+            let of_list = || names.get(first).map(|name| (name.clone(), rest.to_owned()));
+            let of_split = |(title, (_, headings)): &(String, (usize, Cells))| {
+                let sensor = title.strip_suffix("columns")?;
+                let stem = if sensor.is_empty() { "data." } else { sensor };
+                let rest = path.strip_prefix(stem)?;
+                let (k, after) = rest.split_once('.').unwrap_or((rest, ""));
+                let heading = *headings.all().get(k.parse::<usize>().ok()?)?;
+                Some((format!("{sensor}{heading}"), after.to_owned()))
             };
-            match of_list().filter(|_| listed).or_else(of_split) {
-                Some((name, "")) => name,
+            let found = of_list().filter(|_| listed);
+            match found.or_else(|| titles.iter().find_map(of_split)) {
+                Some((name, rest)) if rest.is_empty() => name,
                 Some((name, rest)) => format!("{name}.{rest}"),
                 None => path.to_owned(),
             }
         };
-        let long = |(path, (order, cells)): (String, (usize, Cells))| {
-            (2 * cells.count > rows).then(|| (order, name(&path), cells))
-        };
-        let mut long: Vec<_> = columns.into_iter().filter_map(long).collect();
-        long.sort_by_key(|(order, ..)| *order);
-        let columns = long.into_iter().map(|(_, name, cells)| (name, cells)).collect();
-        Self { columns, rows, at: 0 }
+        let mut columns: Vec<_> = columns.into_iter().collect();
+        columns.sort_by_key(|(_, (order, cells))| (usize::MAX - cells.count, *order));
+        let mut groups: Vec<Group> = Vec::new();
+        for (path, (order, cells)) in columns {
+            let column = (order, name(&path), cells);
+            let rows = column.2.count;
+            match groups.last_mut().filter(|group| 2 * rows > group.rows) {
+                Some(group) => group.columns.push(column),
+                None => groups.push(Group { columns: vec![column], rows }),
+            }
+        }
+        // shorter ones are a time and a value at least
+        let begins = groups.first().map_or(0, |group| group.rows);
+        groups.retain(|g| g.rows == begins || (g.rows >= LEAST && g.columns.len() > 1));
+        groups.iter_mut().for_each(|group| group.columns.sort_by_key(|(order, ..)| *order));
+        Self { groups, group: 0, at: 0 }
     }
 
     /// Goes on to the next row; `false` at the end.
     pub fn advance(&mut self) -> bool {
-        self.at += 1;
-        self.columns.iter_mut().for_each(|(_, cells)| cells.advance());
-        self.at <= self.rows
+        while let Some(group) = self.groups.get_mut(self.group) {
+            if self.at < group.rows {
+                self.at += 1;
+                group.columns.iter_mut().for_each(|(.., cells)| cells.advance());
+                return true;
+            }
+            (self.group, self.at) = (self.group + 1, 0);
+        }
+        false
     }
 
     /// Calls `found` with the name and the text of each value of the row.
     pub fn values(&self, mut found: impl FnMut(&str, &str)) {
-        for (name, cells) in &self.columns {
+        for (_, name, cells) in self.groups.get(self.group).iter().flat_map(|g| &g.columns) {
             if let Some(cell) = cells.cell() {
                 found(name, cell);
             }
         }
     }
 
-    /// The first rows as objects of JSON, in at most so many bytes.
+    /// The first rows of each group as objects of JSON, in at most so many bytes.
     pub fn beginning(mut self, most: usize) -> String {
+        let share = most / self.groups.len().max(1);
         let mut text = String::new();
-        while text.len() < most && self.advance() {
-            let mut cells = Vec::new();
-            self.values(|name, cell| cells.push(format!("\"{name}\": \"{cell}\"")));
-            text += &format!("{{{}}}\n", cells.join(", "));
+        for group in 0..self.groups.len() {
+            (self.group, self.at) = (group, 0);
+            while text.len() < (group + 1) * share && self.advance() && self.group == group {
+                let mut cells = Vec::new();
+                self.values(|name, cell| cells.push(format!("\"{name}\": \"{cell}\"")));
+                text += &format!("{{{}}}\n", cells.join(", "));
+            }
         }
         text
     }
@@ -226,6 +261,10 @@ mod tests {
             (split, "index=0 t=0.5 gx=1 index=1 t=1.5 gx=2 "),
             ("{\"t\": {\"0\": 0.5, \"1\": 1.5}}", "t=0.5 t=1.5 "),
             ("{\"t\": {\"data\": [0.5, 1.5]}}", "t=0.5 t=1.5 "),
+            (
+                "{\"i\": {\"columns\": [\"t\", \"x\"], \"data\": [[0.5, 1], [1.5, 2]]}}",
+                "i.t=0.5 i.x=1 i.t=1.5 i.x=2 ",
+            ),
             (
                 "{\"features\": [{\"properties\": {\"times\": [5, 6]}, \"geometry\": \
                  {\"type\": \"LineString\", \"coordinates\": [[1, 2], [3, 4]]}}]}",
@@ -246,11 +285,35 @@ mod tests {
     }
 
     #[test]
+    fn arrays_of_other_lengths_are_rows_of_their_own() {
+        let list = |n: usize| (0..n).map(|k| k.to_string()).collect::<Vec<_>>().join(", ");
+        let [long, short] = [list(100), list(30)];
+        let text = format!(
+            "{{\"i\": {{\"t\": [{long}], \"g\": [{long}]}}, \"n\": [1, 2], \"f\": {{\"t\": [{short}], \"lat\": [{short}]}}}}"
+        );
+        assert!(begins(&text));
+        let (mut columns, mut rows) = (Columns::of(&text), Vec::new());
+        while columns.advance() {
+            let mut row = String::new();
+            columns.values(|name, cell| row += &format!("{name}={cell} "));
+            rows.push(row);
+        }
+        assert_eq!((rows.len(), rows[99].as_str()), (130, "i.t=99 i.g=99 "));
+        assert_eq!(
+            (rows[100].as_str(), rows[129].as_str()),
+            ("f.t=0 f.lat=0 ", "f.t=29 f.lat=29 ")
+        );
+        assert!(Columns::of(&text).beginning(1000).contains("f.lat"));
+    }
+
+    #[test]
     fn long_arrays_of_one_object_are_columns_and_those_of_records_are_not() {
         let list = |n: usize| (0..n).map(|k| k.to_string()).collect::<Vec<_>>().join(", ");
         assert!(begins(&format!("{{\"t\": [{}", list(100))));
         assert!(begins(&format!("{{\"a\": 1, \"t\": {{\"data\": [{}", list(100))));
         assert!(begins(&format!("[{{\"type\": \"t\", \"data\": [{}", list(100))));
+        let keyed = (0..100).map(|k| format!("\"{k}\": 0.5")).collect::<Vec<_>>().join(", ");
+        assert!(begins(&format!("{{\"t\": {{{keyed}")));
         let record = format!("{{\"t\": 1, \"cov\": [{}]}}", list(9));
         assert!(!begins(&format!("{record}\n{record}\n")));
         assert!(!begins(&format!("[{{\"t\": 1, \"ranges\": [{}]}},", list(100))));

@@ -1,5 +1,6 @@
 //! Text of two bytes per unit, as Windows programs write it, becomes UTF-8.
 
+use crate::pieces::{Joined, Pieces};
 use std::io::{Read, Result};
 
 /// Size in bytes of what is read at once.
@@ -24,20 +25,19 @@ pub struct Utf16<R> {
     to_unit: fn([u8; 2]) -> u16,
     /// Bytes that do not yet make a character.
     rest: Vec<u8>,
-    /// Text that was decoded, and how much of it was given.
-    text: String,
-    given: usize,
 }
 
 impl<R: Read> Utf16<R> {
     /// The file after its mark.
-    pub fn new(file: R, little: bool) -> Self {
+    pub fn new(file: R, little: bool) -> Joined<Self> {
         let to_unit = if little { u16::from_le_bytes } else { u16::from_be_bytes };
-        Self { file, to_unit, rest: Vec::new(), text: String::new(), given: 0 }
+        Joined::new(Self { file, to_unit, rest: Vec::new() })
     }
+}
 
+impl<R: Read> Pieces for Utf16<R> {
     /// Decodes the next bytes; at the end also half a character.
-    fn decode(&mut self) -> Result<()> {
+    fn next(&mut self, text: &mut Vec<u8>) -> Result<bool> {
         let read = self.file.by_ref().take(CHUNK as u64).read_to_end(&mut self.rest)?;
         let mut units: Vec<u16> =
             self.rest.as_chunks::<2>().0.iter().map(|b| (self.to_unit)(*b)).collect();
@@ -48,23 +48,7 @@ impl<R: Read> Utf16<R> {
         self.rest.drain(..if read > 0 { 2 * units.len() } else { self.rest.len() });
         let characters =
             char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
-        (self.text, self.given) = (characters.collect(), 0);
-        Ok(())
-    }
-}
-
-impl<R: Read> Read for Utf16<R> {
-    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
-        while self.given == self.text.len() {
-            self.decode()?;
-            if self.text.is_empty() && self.rest.is_empty() {
-                return Ok(0);
-            }
-        }
-        let left = &self.text.as_bytes()[self.given..];
-        let count = left.len().min(bytes.len());
-        bytes[..count].copy_from_slice(&left[..count]);
-        self.given += count;
-        Ok(count)
+        text.extend_from_slice(characters.collect::<String>().as_bytes());
+        Ok(read > 0 || !text.is_empty())
     }
 }

@@ -1,7 +1,8 @@
-//! Points of a track in XML as rows that name their values: GPX, TCX, and KML with its times and coordinates.
+//! Elements of XML as rows that name their values: the points of GPX and TCX, KML with its times and coordinates, and in
+//! other files the elements at the smallest depth at which a name repeats.
 
-use crate::paths::{bounded, join};
-use std::collections::VecDeque;
+use crate::paths::{PIECE, bounded, join};
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, Read, Result};
 
 /// Elements that are points.
@@ -9,14 +10,44 @@ const POINTS: [&str; 4] = ["trkpt", "rtept", "wpt", "Trackpoint"];
 /// Elements of KML with the time of a point, and with its longitude, latitude and height.
 const TIME: &str = "when";
 const PLACE: &str = "coord";
-/// Bytes of a line that are read at once.
-const PIECE: u64 = 1 << 16;
 
-/// The points of a text.
+/// Elements of one name at one depth from which they are rows.
+const SEVERAL: usize = 3;
+
+/// The points of a text, or its elements.
 #[derive(Default)]
 pub struct Points {
     /// Times of KML whose places were not read yet.
     times: VecDeque<String>,
+    /// Depth of the elements that are rows, where they are no points, and that of the next tag.
+    level: Option<usize>,
+    depth: usize,
+}
+
+/// The smallest depth at which the elements of one name are several; the whole text is at 0.
+fn level(text: &str) -> Option<usize> {
+    let (mut depth, mut counts) = (0, BTreeMap::new());
+    for piece in text.split_inclusive('>').filter(|piece| piece.ends_with('>')) {
+        let Some((_, tag)) = split(piece) else { continue };
+        depth = match step(tag, depth) {
+            Some((at, next)) => {
+                *counts.entry((at, name(tag).to_owned())).or_insert(0) +=
+                    usize::from(!tag.starts_with('/'));
+                next
+            }
+            None => depth,
+        };
+    }
+    counts.into_iter().find(|((at, _), count)| *at > 0 && *count >= SEVERAL).map(|((at, _), _)| at)
+}
+
+/// The depth of the element of a tag, and that of the next tag; `None` for a comment or a declaration.
+fn step(tag: &str, depth: usize) -> Option<(usize, usize)> {
+    match tag.chars().next()? {
+        '?' | '!' | '-' | ']' => None,
+        '/' => Some((depth.saturating_sub(1), depth.saturating_sub(1))),
+        _ => Some((depth, depth + usize::from(!tag.ends_with('/')))),
+    }
 }
 
 /// The name of a tag without its namespace.
@@ -36,8 +67,29 @@ impl Points {
     /// The points of a text that is XML.
     pub fn of(text: &str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}').trim_start();
-        let xml = ["<?xml", "<gpx", "<kml", "<TrainingCenterDatabase"];
-        xml.iter().any(|mark| text.starts_with(mark)).then(Self::default)
+        if !text.starts_with('<') {
+            return None;
+        }
+        let tracks = ["<gpx", "<kml", "<TrainingCenterDatabase"];
+        let level = match tracks.iter().any(|mark| text.contains(mark)) {
+            true => None,
+            false => Some(level(text)?),
+        };
+        Some(Self { level, ..Self::default() })
+    }
+
+    /// Takes a tag of a file whose rows are the elements at a depth; `true` where one ends.
+    fn take(&mut self, level: usize, (tag, piece): (&str, &[u8]), record: &mut Vec<u8>) -> bool {
+        let Some((at, next)) = step(tag, self.depth) else { return false };
+        self.depth = next;
+        if at < level {
+            return false;
+        }
+        match record.is_empty() {
+            true => record.extend_from_slice(format!("<{tag}>").as_bytes()),
+            false => record.extend_from_slice(piece),
+        }
+        at == level && next == level
     }
 
     /// Reads the next point; `false` at the end.
@@ -54,6 +106,13 @@ impl Points {
             }
             let text = String::from_utf8_lossy(&piece).into_owned();
             let Some((before, tag)) = split(&text) else { continue };
+            if let Some(level) = self.level {
+                if self.take(level, (tag, &piece), record) {
+                    return Ok(true);
+                }
+                bounded(record.len())?;
+                continue;
+            }
             match tag.strip_prefix('/') {
                 Some(end) if name(end) == TIME => self.times.push_back(before.to_owned()),
                 Some(end) if name(end) == PLACE => {

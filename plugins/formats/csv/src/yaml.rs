@@ -1,16 +1,12 @@
 //! YAML as rows that name their values: a list of records, or documents that `---` separates, as
 //! `ros2 topic echo` writes them.
 
-use crate::paths::{bounded, join};
+use crate::paths::{DEEPEST, PIECE, bounded, join};
 use std::io::{BufRead, Read, Result};
 
 /// Number of lines that are looked at, and the share of them that must look like YAML.
 const LINES: usize = 200;
 const SHARE: f64 = 0.9;
-/// Deepest nesting.
-const DEEPEST: usize = 32;
-/// Bytes of a line that are read at once.
-const PIECE: u64 = 1 << 16;
 
 /// Tests whether a line is a key with or without a value, an element of a list, or a separator.
 fn is_line(line: &str) -> bool {

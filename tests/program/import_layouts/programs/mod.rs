@@ -9,6 +9,7 @@ mod loggers;
 pub mod mounted;
 mod notations;
 mod positions;
+mod records;
 mod senses;
 mod strangers;
 mod times;
@@ -205,4 +206,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&notations::PROGRAMS)
         .chain(&loggers::PROGRAMS)
         .chain(&written::PROGRAMS)
+        .chain(&records::PROGRAMS)
 }

@@ -23,12 +23,20 @@ impl Table<'_> {
             let fits = |u: &String| fitting(u, si).is_some() && fitting(u, "m").is_none();
             alone.iter().all(|(.., unit)| unit.as_ref().is_some_and(fits))
         };
+        let inertial = |word: &&String| {
+            let first = meaning(&format!("{word} x")).map(|m| m.channel);
+            word.len() > 2 && first.is_some_and(|channel| [GYRO[0], ACCEL[0]].contains(&channel))
+        };
+        let words = vocabulary::words(name);
+        let whole = meaning(&format!("{name} x")).is_some();
+        let word = words.iter().find(inertial).filter(|_| !whole);
         let vector = match () {
             () if self.has(&GYRO) && !self.has(&ACCEL) => "accel",
             () if of("m/s^2") => "accel",
             () if of("m/s") => "velocity",
             () if of("rad/s") => "gyro",
-            () => name,
+            // as sensor_gyro_0.csv
+            () => word.map_or(name, String::as_str),
         };
         let found = alone.iter().filter_map(|(k, (axis, sign), unit)| {
             let meaning = meaning(&format!("{vector} {}", ["x", "y", "z"][*axis]))?;
@@ -72,7 +80,8 @@ impl Table<'_> {
 
     /// A depth in a table with one height alone: `z`, or a height below zero.
     pub(super) fn depth_by_height(&self) -> Option<Found> {
-        let alone = self.layout.headings.iter().filter_map(|h| vocabulary::axis(h)).count() < 2;
+        let alone = self.layout.headings.iter().filter_map(|h| vocabulary::axis(h)).count() < 2
+            && self.local().is_none();
         let below = |values: &[f64]| values.iter().all(|v| !v.is_finite() || *v < 1.0);
         let named = |word: &str| {
             self.find(word).filter(|(k, m)| m.channel == "z" || below(&self.layout.column(*k)))
@@ -126,7 +135,7 @@ impl Table<'_> {
         Chosen { heading, unit, scale, minutes: false, more, usual: false }.key("height")
     }
 
-    /// The first of three columns with degrees, minutes and seconds of a latitude or longitude.
+    /// The first of two or three columns with degrees, minutes and perhaps seconds of a latitude or longitude.
     pub(super) fn sexagesimal(&self, channel: &str) -> Option<usize> {
         const PARTS: [&[&str]; 3] =
             [&["d", "deg", "degrees"], &["m", "min", "minutes"], &["s", "sec", "seconds"]];
@@ -144,7 +153,10 @@ impl Table<'_> {
             let of = meaning(&words.join("_")).is_some_and(|m| m.channel == channel);
             (of && part.contains(&last.as_str())).then_some(())
         };
-        let all = |k: &usize| (0..3).all(|i| part(k + i, PARTS[i]).is_some());
+        let all = |k: &usize| {
+            let minutes = (0..2).all(|i| part(k + i, PARTS[i]).is_some());
+            minutes && (part(k + 2, PARTS[2]).is_some() || !self.is_whole(k + 1))
+        };
         (0..self.layout.headings.len()).find(all)
     }
 }

@@ -82,6 +82,11 @@ impl Table<'_> {
         large && parts(&lat, 91.0) && parts(&lon, 181.0) && fractions(&lat) && fractions(&lon)
     }
 
+    /// The unit of roll, pitch and yaw, which is the same: a small roll stands beside a yaw in degrees.
+    pub(super) fn turned(&self) -> &'static str {
+        turned(&["roll", "pitch", "yaw"].map(|angle| self.values(angle)).concat())
+    }
+
     /// Names the direction beside a speed the course, where the positions move along it: a receiver calls it heading, too.
     pub(super) fn name_course(&mut self) {
         let direction = ["lat", "lon", "speed", "yaw"];
@@ -138,7 +143,7 @@ impl Table<'_> {
     }
 }
 
-/// The unit of an angle by its range.
+/// The unit of angles by their range.
 pub(super) fn turned(values: &[f64]) -> &'static str {
     let largest = values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
     if largest > 6.3 { "deg" } else { "rad" }

@@ -1,6 +1,5 @@
 //! The columns of a table for the channels of its sensors, with the units that the numbers show.
 
-use super::angles::turned;
 use super::layout::Layout;
 use super::units::{self, AID_INTERVAL, IMU_INTERVAL, settle};
 use super::vocabulary::{self, Meaning, fitting, meaning};
@@ -367,11 +366,13 @@ impl<'a> Table<'a> {
             let stated = meaning.unit.clone();
             match (&place, *channel) {
                 (Some(_), "lat" | "lon") if self.sexagesimal(channel).is_some() => {
-                    let first = self.sexagesimal(channel).map_or("", |k| self.heading(k));
+                    let first = self.sexagesimal(channel).unwrap_or(*k);
+                    let sides = (first..first + 3).map(|k| self.side(k, channel));
                     source.push(format!(
                         "columns.{channel} = {{ column = {}, unit = \"deg\", \
-                         notation = \"degrees-minutes-seconds\" }}",
-                        quoted(first)
+                         notation = \"degrees-minutes-seconds\"{} }}",
+                        quoted(self.heading(first)),
+                        sides.max().unwrap_or_default()
                     ));
                 }
                 (Some(_), "lat" | "lon")
@@ -432,7 +433,7 @@ impl<'a> Table<'a> {
                     source.extend(self.key(word, channel, Some(unit), &mut questions));
                 }
                 (_, "roll" | "pitch" | "yaw" | "heading") if stated.is_none() => {
-                    let unit = turned(&self.values(word));
+                    let unit = self.turned();
                     questions.push(format!("the unit of {heading}: {unit} by its range"));
                     source.extend(self.key(word, channel, Some(unit), &mut questions));
                 }
@@ -441,7 +442,8 @@ impl<'a> Table<'a> {
         }
         let along = channels.contains(&"vel_n") && !self.has(&["vel_n"]);
         let course = if along { self.course(by_track, &mut questions) } else { Vec::new() };
-        let velocity = self.has(&["vel_n", "vel_e"]) || !course.is_empty();
+        let whole = kind != "reference" || self.has(&["vel_d"]);
+        let velocity = whole && (self.has(&["vel_n", "vel_e"]) || !course.is_empty());
         source.extend(course);
         Found { kind, source, questions, velocity, ..Found::default() }
     }

@@ -169,8 +169,8 @@ fn of(
 }
 
 /// The sensors of a file with rows of several kinds: for each sensor the first kind that has it, or
-/// the first one with a velocity.
-pub fn sensors(text: &str) -> Vec<Found> {
+/// the first one with a velocity. The other kinds are named if they are a `whole` file.
+pub fn sensors(text: &str, whole: bool) -> Vec<Found> {
     let found = |place: usize| {
         let kinds = kinds(text, place);
         let counters: Vec<usize> = (0..PLACES).filter(|k| counts(text, *k)).collect();
@@ -193,13 +193,15 @@ pub fn sensors(text: &str) -> Vec<Found> {
                 false => unused.push(kind.name),
             }
         }
-        if let Some(first) = sensors.first_mut().filter(|_| !described && !unused.is_empty()) {
+        if let Some(first) =
+            sensors.first_mut().filter(|_| whole && !described && !unused.is_empty())
+        {
             unused.truncate(NOTED);
             first.questions.push(format!("the rows of {} are not used", unused.join(", ")));
         }
         // rows of one width with a word before them may be one table; a word further on may be a status
-        let whole = sensors.len() > 1 || of_several_widths(&kinds);
-        if whole && (place == 0 || used > 1) { sensors } else { Vec::new() }
+        let several = sensors.len() > 1 || of_several_widths(&kinds);
+        if several && (place == 0 || used > 1) { sensors } else { Vec::new() }
     };
     (0..PLACES).map(found).find(|sensors| !sensors.is_empty()).unwrap_or_default()
 }

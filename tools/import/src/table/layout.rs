@@ -92,7 +92,15 @@ fn with_unit(cell: &str) -> Option<(&str, &str)> {
 
 /// The cells of a line, each of them changed.
 fn raw(line: &str, delimiter: Option<char>, clean: impl Fn(&str) -> String) -> Vec<String> {
-    let Some(delimiter) = delimiter else { return line.split_whitespace().map(clean).collect() };
+    let Some(delimiter) = delimiter else {
+        let (mut quoted, mut begins) = (false, true);
+        let apart = |c: char| {
+            quoted ^= c == '"' && (begins || quoted);
+            begins = c.is_whitespace() && !quoted;
+            begins
+        };
+        return line.split(apart).filter(|cell| !cell.is_empty()).map(clean).collect();
+    };
     // a quotation mark within a cell is a second of an arc
     let (mut quote, mut begins) = (false, true);
     let outside = |c: char| {
@@ -258,7 +266,8 @@ impl Layout {
                 let count = cells.len();
                 count == width || (ends_empty && count + 1 == width)
             };
-            let fitting = separators.into_iter().map(|d| split(text, d)).find(fits);
+            let whole = |d| preamble::with_row(split(text, d), &self.rows);
+            let fitting = separators.into_iter().map(whole).find(fits);
             let spaced = || parts::spread_over_parts(&split(text, None), &self.rows);
             fitting.or_else(|| self.delimiter.is_none().then(spaced).flatten())
         };

@@ -13,6 +13,8 @@ const LETTERS: [[&str; 2]; 2] = [["e", "x"], ["n", "y"]];
 /// Words for the columns of the zone and of its hemisphere.
 const ZONE: [&str; 3] = ["zone", "zonenumber", "zoneno"];
 const SIDE: [&str; 5] = ["hemisphere", "band", "zoneletter", "letter", "latband"];
+/// Axes before other words for them.
+const AXES: [&str; 3] = ["x", "y", "z"];
 /// Words for the height above a point.
 const UP: [&str; 5] = ["up", "u", "height", "altitude", "alt"];
 /// Metres, from which coordinates are no velocities.
@@ -27,14 +29,21 @@ fn parts(heading: &str) -> (String, bool, Option<String>) {
     let words = words(name);
     let mut words = words.iter().map(String::as_str).peekable();
     while let Some(word) = words.next() {
-        let Some(number) = word.strip_prefix("utm") else {
-            rest.push(word);
-            continue;
+        let number = match word.strip_prefix("utm") {
+            Some(number) => number,
+            // as `UTM Easting 32T`
+            None if map && word.starts_with(|c: char| c.is_ascii_digit()) => word,
+            None => {
+                rest.push(word);
+                continue;
+            }
         };
         map = true;
-        let digits = number.trim_end_matches(['n', 's']);
+        let digits = number.trim_end_matches(|c: char| c.is_ascii_lowercase());
         let side = number.strip_prefix(digits).filter(|side| !side.is_empty());
-        let beside = || words.next_if(|word| ["n", "s"].contains(word));
+        // a letter behind the easting is none of its words
+        let letter = |word: &&str| word.len() == 1 && !rest.is_empty();
+        let beside = || words.next_if(|word| ["n", "s"].contains(word) || letter(word));
         if digits.parse::<u8>().is_ok() {
             zone = side.or_else(beside).map(|side| format!("{digits}{}", side.to_uppercase()));
         }
@@ -65,7 +74,9 @@ impl Table<'_> {
     /// The keys of a position east, north and up of a point, which an answer gives.
     fn beside_point(&self) -> Option<(Vec<String>, String)> {
         let [east, north] = self.local().filter(|_| self.easting_and_northing().is_none())?;
-        let named = |h: &&String| words(h).first().is_some_and(|w| UP.contains(&w.as_str()));
+        let named = |h: &&String| {
+            words(h).iter().find(|w| *w != AXES[2]).is_some_and(|w| UP.contains(&w.as_str()))
+        };
         let up = self.layout.headings.iter().find(named);
         let channels: &[&str] =
             if up.is_some() { &["lat", "lon", "height"] } else { &["lat", "lon"] };
@@ -82,10 +93,14 @@ impl Table<'_> {
     }
 
     /// The columns of coordinates east and north of a point.
-    fn local(&self) -> Option<[usize; 2]> {
+    pub(super) fn local(&self) -> Option<[usize; 2]> {
         let column = |names: [&str; 4], letter: &str| {
             self.layout.headings.iter().position(|heading| {
-                let words = words(heading.split(['[', '(']).next().unwrap_or_default());
+                let mut words = words(heading.split(['[', '(']).next().unwrap_or_default());
+                // as x_east
+                if words.len() == 2 && AXES.contains(&words[0].as_str()) {
+                    words.remove(0);
+                }
                 let alone = words.len() == 1 || words.get(1).is_some_and(|unit| unit == "m");
                 let word = words.first().map(String::as_str).unwrap_or_default();
                 names.contains(&word) || (alone && word == letter)

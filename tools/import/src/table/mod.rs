@@ -52,6 +52,11 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     of_text(beginning, name, true)
 }
 
+/// The inertial unit in rows of other kinds, such as sentences of NMEA.
+pub fn inertial_kinds(text: &str) -> Vec<Found> {
+    kinds::sensors(text, false).into_iter().filter(|found| found.kind == "imu").collect()
+}
+
 /// The same; with `stamps`, a terminal program may have written one before each line.
 fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, String> {
     if beginning.trim().is_empty() {
@@ -83,7 +88,7 @@ fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, Stri
     if let Some(found) = sections::sensors(beginning, name) {
         return Ok(found);
     }
-    let several = kinds::sensors(beginning);
+    let several = kinds::sensors(beginning, true);
     if !several.is_empty() {
         return Ok(several);
     }

@@ -71,11 +71,14 @@ pub fn order(seconds: &[f64], columns: &[Vec<f64>], first: usize) -> Option<[&'s
         median(values.iter().map(|v| v.abs())) > STEADY * step
     };
     let slow = |values: &[f64], metre: f64| speed(seconds, values) * metre < FASTEST;
+    // a number that never changes is no angle of a vehicle that moves
+    let changes = |values: &[f64]| values.iter().any(|v| *v != values[0]);
     let quaternion = (first..first + 3).any(|k| in_quaternion(columns, k));
     let fits = fractions(a)
         && fractions(b)
         && steady(a)
         && steady(b)
+        && changes(a) == changes(b)
         && !quaternion
         && within(height, HIGHEST)
         && slow(a, metre)

@@ -19,8 +19,8 @@ const CHANNELS: [(&str, &[&str]); 9] = [
 ];
 
 impl Table<'_> {
-    /// The time of a sensor in a column of its own: it begins with the same word as the columns of the sensor, and has a
-    /// number in their rows alone.
+    /// The time of a sensor in a column of its own, which has a number in the rows of the sensor alone: one that begins with
+    /// the same word as the columns of the sensor, or the only one.
     pub(super) fn stamped(&self, kind: &str, usual: f64) -> Option<Clock> {
         let (_, channels) = CHANNELS.iter().find(|(name, _)| *name == kind)?;
         let (column, _) = channels.iter().find_map(|channel| self.find(channel))?;
@@ -29,11 +29,15 @@ impl Table<'_> {
         let own = |(k, meaning): &&(usize, Meaning)| {
             let times = self.layout.column(*k);
             meaning.channel == "time"
-                && topic(*k) == topic(*column)
                 && times.iter().any(|t| t.is_nan())
                 && times.iter().zip(&values).all(|(t, v)| t.is_finite() == v.is_finite())
         };
-        let (k, meaning) = self.columns.iter().find(own)?;
+        let own: Vec<&(usize, Meaning)> = self.columns.iter().filter(own).collect();
+        let named = || own.iter().find(|(k, _)| topic(*k) == topic(*column));
+        let (k, meaning) = match own.as_slice() {
+            [one] => one,
+            _ => named()?,
+        };
         Some(self.number(*k, meaning, usual))
     }
 }

@@ -227,7 +227,8 @@ impl Table<'_> {
     /// Names three columns in a row that are coordinates of the Earth by their distance from its centre, in a table
     /// without another position.
     pub(super) fn name_earth_fixed(&mut self) {
-        if self.has(&["lat", "lon"]) || self.has(&ECEF) {
+        let named = self.has(&ECEF);
+        if self.has(&["lat", "lon"]) || (named && self.stated(ECEF).is_some()) {
             return;
         }
         let columns: Vec<Vec<f64>> =
@@ -244,7 +245,9 @@ impl Table<'_> {
             // a receiver without a fix has zeros
             rows > 1 && fits as f64 > 0.5 * rows as f64
         };
-        let found = ["m", "km"].into_iter().find_map(|unit| {
+        // integers of 1e-7 deg may be as large as centimetres
+        let units: &[&str] = if named { &["m", "km", "cm", "mm"] } else { &["m", "km"] };
+        let found = units.iter().copied().find_map(|unit| {
             let mut places = 0..columns.len().saturating_sub(2);
             Some((places.find(|k| on_surface((*k, units::factor(unit))))?, unit))
         });

@@ -22,6 +22,16 @@ pub(super) fn length(rows: &[(usize, Vec<String>)]) -> usize {
     rows.iter().position(|(_, row)| fits(row)).unwrap_or(0)
 }
 
+/// Headings with one for the first column, where none of a table of R stands over it, and it counts the rows from one.
+pub(super) fn with_row(headings: Vec<String>, rows: &[Vec<String>]) -> Vec<String> {
+    let width = rows.first().map_or(0, Vec::len);
+    let mut first = rows.iter().map(|row| row.first().map_or("", String::as_str)).enumerate();
+    match headings.len() + 1 == width && first.all(|(k, cell)| cell.parse() == Ok(k + 1)) {
+        true => [vec!["row".to_owned()], headings].concat(),
+        false => headings,
+    }
+}
+
 /// The headings that comments describe one by one, as Sea-Bird writes them: `# name 1 = prDM: Pressure, Digiquartz [db]`.
 pub(super) fn described(before: &[&str], width: usize) -> Option<Vec<String>> {
     let heading = |line: &&str| -> Option<(usize, String)> {
