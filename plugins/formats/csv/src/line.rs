@@ -37,7 +37,13 @@ pub fn line(text: &str, mut found: impl FnMut(&str, &str)) {
             found(KIND, name);
         }
         if std::mem::take(&mut first) {
-            stamped = beginning(&text[..start], &mut found);
+            // the word before a kind, as a level of logging, is none
+            let mut once = |name: &str, value: &str| {
+                if !(is_kind && name == KIND) {
+                    found(name, value);
+                }
+            };
+            stamped = beginning(&text[..start], &mut once);
         }
         if is_kind {
             continue;
