@@ -232,7 +232,7 @@ impl Table<'_> {
     }
 
     /// A time of the day as one number, hhmmss: six digits of which no hour, minute or second is too large, in a column
-    /// of UTC, with a zero before the first hour, or with a jump from one minute to the next.
+    /// of UTC, in a sentence of NMEA, with a zero before the first hour, or with a jump from one minute to the next.
     fn packed(&self, k: usize, values: &[f64]) -> Option<Clock> {
         let second = |v: f64| {
             let parts = [(v / 1e4).floor(), (v / 100.0).floor() % 100.0, v % 100.0];
@@ -247,7 +247,9 @@ impl Table<'_> {
         let utc =
             words(self.heading(k)).iter().any(|word| ["utc", "hhmmss"].contains(&word.as_str()))
                 || self.beside_digits(k).is_some();
+        let sentence = self.layout.kind.iter().any(|(_, kind)| kind.starts_with('$'));
         let evident = utc
+            || sentence
             || cells().any(|cell| cell.starts_with('0'))
             || (jump(values) > 40.0 && jump(&seconds) < 40.0);
         if !evident || !cells().all(|cell| digits(cell) == 6) {
