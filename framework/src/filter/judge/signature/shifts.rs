@@ -43,6 +43,9 @@ use std::ops::Range;
 const TURN: f64 = 40.0;
 /// Time from the start to the begin of the second sum of a slow step, s; the next ones begin at twice the age.
 const FIRST: f64 = 60.0;
+/// Time from the start in which an error that was there from the start shows, s: later the filter has errors of its own
+/// where it refuses nearly all samples.
+const EARLY: f64 = 60.0;
 /// Least age of a sum, s: a scatter of few spans is not known.
 const LEAST: f64 = 60.0;
 /// Score in sigma with which the newest sum is kept, and the least age, s: by chance one of twenty errors
@@ -310,8 +313,8 @@ impl Shifts {
     /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
     /// refuse one more. If it refuses one sensor alone, the error has to grow, as one of the driving sensor does: the
     /// samples before show it as well, and it is none if it fits poorly and a jump of one of the channels clearly
-    /// better. Where nearly all samples were refused since the first sum began, it may fit those well, and clearly
-    /// better than any jump.
+    /// better. In the first minute of a run, of whose samples nearly all were refused, it may fit those well, and
+    /// clearly better than any jump.
     pub(super) fn refused(
         &mut self,
         (time, alone): (Time, Option<usize>),
@@ -321,10 +324,11 @@ impl Shifts {
     ) -> Option<Step> {
         let [squares, count] = self.refused;
         let began = |axis, sum| self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
+        let early = time.since(self.run) <= EARLY;
         let counts = |axis: usize, sum: usize| {
             let left = squares - self.evidence(axis, sum) - count;
             let Shift { sensor, patient, .. } = self.axes[axis];
-            let grows = |sensor| began(axis, sum) || self.grows(axis, sum, sensor);
+            let grows = |sensor| began(axis, sum) || early && self.grows(axis, sum, sensor);
             let driving = Some(sensor) == self.driver && !patient && sum != 0;
             driving && left <= GONE * squares && alone.is_none_or(grows)
         };

@@ -115,10 +115,12 @@ impl Shifts {
         self.effects[effect].all(column).without(&self.effects[effect].used(column)).raw()
     }
 
-    /// Returns `true` if the gate refused nearly all samples of a sensor, and an error fits these clearly better than a jump of
-    /// one of its channels does.
+    /// Returns `true` if the gate refused nearly all samples of a sensor, and an error since the start fits these clearly
+    /// better than a jump of one of its channels does.
     pub(super) fn grows(&self, axis: usize, sum: usize, sensor: usize) -> bool {
-        self.gated[sensor].nearly_all() && self.of_refused(axis, sum) > leading(self.jump(sensor))
+        self.since(axis, sum) == self.run
+            && self.gated[sensor].nearly_all()
+            && self.of_refused(axis, sum) > leading(self.jump(sensor))
     }
 
     /// Score in sigma of the most significant drift of a sensor.
