@@ -182,7 +182,7 @@ pub struct Labelled {
 
 impl Labelled {
     /// The rows of a file, in the order of the headings.
-    pub fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Joined<Self> {
+    pub(crate) fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Joined<Self> {
         let cells = vec![String::new(); headings.len()];
         Joined::new(Self { file: Records::new(file), headings, cells })
     }

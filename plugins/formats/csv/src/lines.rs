@@ -53,7 +53,7 @@ pub struct Lines<R> {
 }
 
 impl<R: Read> Lines<R> {
-    pub fn new(file: R, change: Change) -> Joined<Self> {
+    pub(crate) fn new(file: R, change: Change) -> Joined<Self> {
         Joined::new(Self { file: BufReader::new(file), change })
     }
 }
@@ -79,7 +79,7 @@ pub struct Backwards<R> {
 }
 
 impl<R: Read> Backwards<R> {
-    pub fn new(file: R, above: u64) -> Joined<Self> {
+    pub(crate) fn new(file: R, above: u64) -> Joined<Self> {
         let above = usize::try_from(above).unwrap_or(usize::MAX);
         Joined::new(Self { file, above, bytes: Vec::new(), left: None })
     }

@@ -3,13 +3,13 @@
 use std::io::{Read, Result};
 
 /// What makes the pieces.
-pub trait Pieces {
+pub(crate) trait Pieces {
     /// Writes the next piece into an empty buffer; `false` at the end.
     fn next(&mut self, piece: &mut Vec<u8>) -> Result<bool>;
 }
 
 /// The bytes of all pieces.
-pub struct Joined<P> {
+pub(crate) struct Joined<P> {
     pieces: P,
     piece: Vec<u8>,
     /// Number of bytes of the piece that were given.

@@ -29,7 +29,7 @@ pub struct Utf16<R> {
 
 impl<R: Read> Utf16<R> {
     /// The file after its mark.
-    pub fn new(file: R, little: bool) -> Joined<Self> {
+    pub(crate) fn new(file: R, little: bool) -> Joined<Self> {
         let to_unit = if little { u16::from_le_bytes } else { u16::from_be_bytes };
         Joined::new(Self { file, to_unit, rest: Vec::new() })
     }
