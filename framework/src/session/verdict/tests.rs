@@ -393,20 +393,24 @@ fn what_the_first_fault_explains_is_left_out() {
     assert_eq!(parts(&[explained, own[1].clone()]), ["dvl", "gnss"]);
 }
 
-/// Of 100 samples 9 or 11 are used.
-#[test]
-fn what_is_found_without_a_sensor_does_not_explain_what_it_contradicted() {
-    let finding = |about: &str, seconds: i64, basis| Finding {
+/// A finding by which the result must not be used.
+fn useless(about: &str, seconds: i64, basis: Basis) -> Finding {
+    Finding {
         time: Time::from_nanos(seconds * 1_000_000_000),
         about: about.to_owned(),
         severity: Severity::DoNotUse,
         basis,
         text: String::new(),
         remedy: String::new(),
-    };
+    }
+}
+
+/// Of 100 samples 9 or 11 are used.
+#[test]
+fn what_is_found_without_a_sensor_does_not_explain_what_it_contradicted() {
     let first = |used: i64, explained: i64| {
         let findings =
-            [finding("dvl", 40, Basis::Comparison), finding("imu", explained, Basis::Explanation)];
+            [useless("dvl", 40, Basis::Comparison), useless("imu", explained, Basis::Explanation)];
         let sensor = statistics(100, |second| if second < used { [1.0; 3] } else { [9.0; 3] });
         judged(0.0, &findings, Some(sensor)).reasons[0].about.clone()
     };
@@ -419,18 +423,10 @@ fn what_is_found_without_a_sensor_does_not_explain_what_it_contradicted() {
 /// wrong with the IMU; the first doubt was about the compass.
 #[test]
 fn of_two_explanations_the_first_found_is_the_cause() {
-    let finding = |about: &str, seconds: i64, basis| Finding {
-        time: Time::from_nanos(seconds * 1_000_000_000),
-        about: about.to_owned(),
-        severity: Severity::DoNotUse,
-        basis,
-        text: String::new(),
-        remedy: String::new(),
-    };
     let findings = [
-        finding("compass", 50, Basis::Comparison),
-        finding("imu", 60, Basis::Explanation),
-        finding("compass", 190, Basis::Explanation),
+        useless("compass", 50, Basis::Comparison),
+        useless("imu", 60, Basis::Explanation),
+        useless("compass", 190, Basis::Explanation),
     ];
     let reasons = corrected(0.0, &findings).reasons;
     let parts: Vec<&str> = reasons.iter().map(|r| r.about.as_str()).collect();
