@@ -74,7 +74,7 @@ impl PointMass {
             search.begin(ekf.snapshot());
             return samples.iter().try_for_each(|sample| self.search(sample, observer));
         }
-        search.weigh(ekf);
+        search.weigh(ekf, ekf.state().time);
         self.decide(observer);
         Ok(())
     }

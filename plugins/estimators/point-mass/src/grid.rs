@@ -9,8 +9,7 @@ use crate::trail::displace;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2, Vector2};
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::{Covariance, Update};
-use navfuse_core::state::manifold::Position;
-use navfuse_core::state::{Handle, Layout, State};
+use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Sample;
 use std::sync::Arc;
 
@@ -41,7 +40,8 @@ struct Component {
 /// The components, and the work space of their predictions.
 pub(crate) struct Grid {
     layout: Arc<Layout>,
-    position: Handle<Position>,
+    /// Blocks of the position: now, and at the times of past states.
+    places: Arc<[usize]>,
     components: Vec<Component>,
     /// Variance of the position of the track, north and east, m^2: at the start, and at the last sample.
     prior: [f64; 2],
@@ -51,7 +51,7 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// A grid over a prior of these sigmas to the north and to the east, m.
-    pub fn new(layout: &Arc<Layout>, position: Handle<Position>, sigmas: [f64; 2]) -> Self {
+    pub fn new(layout: &Arc<Layout>, places: &Arc<[usize]>, sigmas: [f64; 2]) -> Self {
         let cell = sigmas.map(|s| REACH * s / f64::from(HALF));
         // half a cell, so that the sum is smooth
         let covariance = Matrix2::from_diagonal(&Vector2::from(cell.map(|c| 0.25 * c * c)));
@@ -64,7 +64,7 @@ impl Grid {
         let prior = sigmas.map(|s| s * s);
         Self {
             layout: Arc::clone(layout),
-            position,
+            places: Arc::clone(places),
             components: (-HALF..=HALF).flat_map(row).collect(),
             prior,
             last: prior,
@@ -91,7 +91,7 @@ impl Grid {
         model.noise(&At { layout: &self.layout, state, sample }, &mut noise);
         let rest = self.of_other_states(state, covariance, model, sample, m);
         let noise = DMatrix::from_fn(m, m, |i, j| noise[present[i] * n + present[j]]) + rest;
-        let first = self.layout.block(self.position).tangent_range().start;
+        let first = self.first(self.places[0]);
         let now = [0, 1].map(|k| covariance.get(first + k, first + k));
         let lost = [0, 1].map(|k| (now[k] - self.last[k]).max(0.0));
         self.last = [0, 1].map(|k| now[k].max(self.last[k]));
@@ -133,14 +133,21 @@ impl Grid {
         offset: [f64; 2],
         out: &mut [f64],
     ) {
-        let range = self.layout.block(self.position).range();
-        self.state.values[range.clone()].copy_from_slice(&state.values[range]);
-        displace(&self.layout, self.position, &mut self.state.values, offset);
+        for block in self.places.iter().map(|slot| &self.layout.blocks[*slot]) {
+            self.state.values[block.range()].copy_from_slice(&state.values[block.range()]);
+        }
+        displace(&self.layout, &self.places, &mut self.state.values, offset);
         model.predict(&At { layout: &self.layout, state: &self.state, sample }, out);
     }
 
-    /// Covariance of the prediction by all states but the horizontal position: the largest of those at
-    /// the middle of the grid and around it, since a slope differs from place to place.
+    /// The first error state of a block.
+    fn first(&self, slot: usize) -> usize {
+        self.layout.blocks[slot].tangent_range().start
+    }
+
+    /// Covariance of the prediction by all states but the displacement of the track: the largest of those
+    /// at the middle of the grid and around it, since a slope differs from place to place. A past position
+    /// counts by what the track since then adds to its error: `H_past (dx_past - dx)`.
     fn of_other_states(
         &mut self,
         state: &State,
@@ -149,7 +156,8 @@ impl Grid {
         sample: &Sample,
         m: usize,
     ) -> DMatrix<f64> {
-        let first = self.layout.block(self.position).tangent_range().start;
+        let firsts: Vec<usize> = self.places.iter().map(|slot| self.first(*slot)).collect();
+        let now = [firsts[0], firsts[0] + 1];
         let mut largest = DMatrix::zeros(m, m);
         let mut update = Update::with_capacity(covariance.dimension(), m);
         let steps = [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
@@ -157,15 +165,24 @@ impl Grid {
             let sigmas = self.prior.map(f64::sqrt);
             self.state.clone_from(state);
             let offset = [step[0] * sigmas[0], step[1] * sigmas[1]];
-            displace(&self.layout, self.position, &mut self.state.values, offset);
+            displace(&self.layout, &self.places, &mut self.state.values, offset);
             model.linearise(&At { layout: &self.layout, state: &self.state, sample }, &mut update);
             let w = update.columns.len();
-            let h = DMatrix::from_fn(m, w, |i, k| match update.columns[k] {
-                column if column == first || column == first + 1 => 0.0,
-                _ => update.h[i * w + k],
+            let derivative = |i: usize, column: usize| {
+                let place = update.columns.iter().position(|c| *c == column);
+                place.map_or(0.0, |k| update.h[i * w + k])
+            };
+            let others = update.columns.iter().copied().filter(|column| !now.contains(column));
+            let columns: Vec<usize> = others.chain(now).collect();
+            let h = DMatrix::from_fn(m, columns.len(), |i, k| {
+                match now.iter().position(|c| *c == columns[k]) {
+                    Some(axis) => -firsts[1..].iter().map(|f| derivative(i, f + axis)).sum::<f64>(),
+                    None => derivative(i, columns[k]),
+                }
             });
-            let p =
-                DMatrix::from_fn(w, w, |i, j| covariance.get(update.columns[i], update.columns[j]));
+            let p = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
+                covariance.get(columns[i], columns[j])
+            });
             let spread = &h * p * h.transpose();
             if spread.trace().is_finite() && spread.trace() > largest.trace() {
                 largest = spread;

@@ -105,7 +105,7 @@ impl Search {
         ekf.follow_course(Box::new(Displaced {
             trail: Arc::clone(&self.trail),
             layout: Arc::clone(&self.layout),
-            position: self.position,
+            places: Arc::clone(&self.places),
             offset,
         }));
         if let Some(observer) = &mut observer {

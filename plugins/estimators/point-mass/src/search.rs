@@ -45,10 +45,14 @@ pub(crate) const LONGEST: f64 = 1800.0;
 pub(crate) struct Search {
     pub layout: Arc<Layout>,
     pub position: Handle<Position>,
+    /// Blocks of the position: now, and at the times of past states.
+    pub places: Arc<[usize]>,
     models: Vec<Option<Arc<dyn AnyMeasurement + Sync>>>,
     /// Whether each sensor is curved, once it is known.
     known: Vec<bool>,
     pub curved: Vec<bool>,
+    /// Whether the filter has taken the past state that each sensor reads.
+    begun: Vec<bool>,
     /// The filter before the first sample, which has not started.
     pub first: Snapshot,
     pub samples: Vec<Sample>,
@@ -77,8 +81,13 @@ impl Search {
             Role::Input(_) | Role::Reference(_) => None,
         });
         let n = composition.sensors.len();
+        let position = layout.vehicle().position?;
+        let clones = composition.sensors.iter().flat_map(|sensor| &sensor.clones);
+        let pasts = clones.filter(|[source, _]| *source == position.slot()).map(|[_, past]| *past);
         Some(Self {
-            position: layout.vehicle().position?,
+            position,
+            places: std::iter::once(position.slot()).chain(pasts).collect(),
+            begun: composition.sensors.iter().map(|sensor| sensor.clones.is_empty()).collect(),
             models: models.collect(),
             known: vec![false; n],
             curved: vec![false; n],
@@ -109,10 +118,25 @@ impl Search {
         self.samples.push(*sample);
     }
 
-    /// Returns `true` if the filter must not take the sample now, and keeps it.
+    /// Returns `true` if the filter must not take the sample now, and keeps it. The filter takes the samples
+    /// at which a past state is taken, such as pings.
     pub fn holds(&mut self, ekf: &dyn Linearised, sample: &Sample) -> bool {
         let index = sample.sensor.0;
-        let Some(model) = &self.models[index] else { return false };
+        let Some(model) = self.models[index].clone() else { return false };
+        let mut completed = *sample;
+        model.complete(&mut completed);
+        let measures = (0..model.channels()).any(|k| completed.get(k).is_some());
+        let sensor = &ekf.composition().sensors[index];
+        let excluded = sensor.excludes(sample.time);
+        if !sensor.clones.is_empty() && model.keyframe(&completed) {
+            // the samples before it measure from the past state that it replaces
+            self.weigh(ekf, sample.time);
+            self.begun[index] = ekf.running() && !excluded;
+            return false;
+        }
+        if !measures || excluded || !self.begun[index] {
+            return false;
+        }
         if !self.known[index] {
             let covariance = ekf.covariance();
             let block = self.layout.block(self.position);
@@ -120,8 +144,8 @@ impl Search {
             let sigmas = [0, 1].map(|k| {
                 if ekf.running() { covariance.sigma(first + k) } else { block.spec.sigma[k] }
             });
-            let curved =
-                is_curved(model.as_ref(), &self.layout, self.position, ekf.state(), sigmas, sample);
+            let track = (&*self.layout, &*self.places);
+            let curved = is_curved(model.as_ref(), track, ekf.state(), sigmas, &completed);
             self.curved[index] = curved;
             self.known[index] = ekf.running();
         }
@@ -131,8 +155,9 @@ impl Search {
         self.curved[index]
     }
 
-    /// Weights the hypotheses by the samples that the filter has reached.
-    pub fn weigh(&mut self, ekf: &dyn Linearised) {
+    /// Weights the hypotheses by the samples up to a time, which the filter has reached but for a part of
+    /// the interval of the driving sensor.
+    pub fn weigh(&mut self, ekf: &dyn Linearised, until: Time) {
         if !ekf.running() || self.trail.is_empty() {
             return;
         }
@@ -141,9 +166,9 @@ impl Search {
         if self.grid.is_none() {
             let sigmas = [0, 1].map(|k| covariance.sigma(first + k));
             self.start = Some(state.time);
-            self.grid = Some(Grid::new(&self.layout, self.position, sigmas));
+            self.grid = Some(Grid::new(&self.layout, &self.places, sigmas));
         }
-        while self.held.front().is_some_and(|sample| sample.time <= state.time) {
+        while self.held.front().is_some_and(|sample| sample.time <= until) {
             let Some(mut sample) = self.held.pop_front() else { return };
             // before the start no track leads to it
             if self.start.is_some_and(|start| sample.time < start) {
@@ -208,29 +233,26 @@ impl Search {
 /// above its noise, or if the model has no value there.
 fn is_curved(
     model: &dyn AnyMeasurement,
-    layout: &Layout,
-    position: Handle<Position>,
+    (layout, places): (&Layout, &[usize]),
     state: &State,
     sigmas: [f64; 2],
     sample: &Sample,
 ) -> bool {
     let n = model.channels();
-    let mut completed = *sample;
-    model.complete(&mut completed);
     let mut displaced = state.clone();
     let mut reading = |offset: [f64; 2]| {
         displaced.clone_from(state);
-        displace(layout, position, &mut displaced.values, offset);
+        displace(layout, places, &mut displaced.values, offset);
         let mut out = vec![0.0; n];
-        model.predict(&At { layout, state: &displaced, sample: &completed }, &mut out);
+        model.predict(&At { layout, state: &displaced, sample }, &mut out);
         out
     };
     let middle = reading([0.0; 2]);
     let axes = [[sigmas[0], 0.0], [0.0, sigmas[1]]];
     let ends = axes.map(|axis| [reading(axis), reading(axis.map(|x| -x))]);
     let mut noise = vec![0.0; n * n];
-    model.noise(&At { layout, state, sample: &completed }, &mut noise);
-    let measured = (0..n).filter(|k| completed.get(*k).is_some());
+    model.noise(&At { layout, state, sample }, &mut noise);
+    let measured = (0..n).filter(|k| sample.get(*k).is_some());
     measured.into_iter().any(|k| {
         ends.iter().any(|[on, back]| {
             let term = 0.5

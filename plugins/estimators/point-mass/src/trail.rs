@@ -4,8 +4,7 @@
 use navfuse_core::compose::course::Course;
 use navfuse_core::model::record::Observer;
 use navfuse_core::state::covariance::Covariance;
-use navfuse_core::state::manifold::Position;
-use navfuse_core::state::{Handle, Layout, State};
+use navfuse_core::state::{Layout, State};
 use navfuse_core::units::time::Time;
 use std::io;
 use std::sync::Arc;
@@ -37,7 +36,7 @@ impl Trail {
 pub(crate) struct Displaced {
     pub trail: Arc<Trail>,
     pub layout: Arc<Layout>,
-    pub position: Handle<Position>,
+    pub places: Arc<[usize]>,
     pub offset: [f64; 2],
 }
 
@@ -49,7 +48,7 @@ impl Course for Displaced {
             place += 1;
             if *at == time {
                 values.copy_from_slice(&self.trail.values[row..row + values.len()]);
-                displace(&self.layout, self.position, values, self.offset);
+                displace(&self.layout, &self.places, values, self.offset);
                 return Ok(Some(place));
             }
         }
@@ -57,15 +56,17 @@ impl Course for Displaced {
     }
 }
 
-/// Displaces the position of a state to the north and to the east, m.
+/// Displaces the track to the north and to the east, m: the blocks of the position now and at the times
+/// of past states.
 pub(crate) fn displace(
     layout: &Layout,
-    position: Handle<Position>,
+    places: &[usize],
     values: &mut [f64],
     [north, east]: [f64; 2],
 ) {
-    let block = layout.block(position);
-    (block.operations.retract)(&mut values[block.range()], &[north, east, 0.0]);
+    for block in places.iter().map(|slot| &layout.blocks[*slot]) {
+        (block.operations.retract)(&mut values[block.range()], &[north, east, 0.0]);
+    }
 }
 
 /// Follows the filter into a trail, and shows everything to the observer of the run.

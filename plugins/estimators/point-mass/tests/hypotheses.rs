@@ -1,6 +1,8 @@
 //! A position that is known to some 60 m: over a map, beside a beacon, and where nothing decides.
 #![allow(clippy::unwrap_used, missing_docs, reason = "a test fails by panicking")]
 
+mod two_way;
+
 use navfuse_core::document::Document;
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -12,6 +14,7 @@ use navfuse_point_mass::PointMassPlugin;
 use navfuse_testing::registry;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use two_way::TwoWayPlugin;
 
 const VEHICLE: &str = r#"
 [estimator]
@@ -74,6 +77,13 @@ transponder = { latitude = "43.0003 deg", longitude = "5.0000 deg", height = "-1
 simulation = { rate = "0.5 Hz", offset = "0.37 s" }
 "#;
 
+const TWO_WAY: &str = r#"
+[sensor.two-way]
+noise = "15 cm"
+transponder = ["43.0003 deg", "5.0000 deg", "-110 m"]
+simulation = { rate = "0.5 Hz", offset = "0.37 s" }
+"#;
+
 fn altimeter() -> String {
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../scenarios/survey-bottom.asc");
     format!(
@@ -103,7 +113,10 @@ impl Last {
         let first = epoch.layout.block(position).tangent.unwrap();
         self.error = [error[first], error[first + 1]];
         self.sigma = [0, 1].map(|k| epoch.covariance.sigma(first + k));
-        let columns: Vec<usize> = (0..epoch.layout.tangent).collect();
+        // the truth has no past states
+        let blocks = epoch.layout.blocks.iter().enumerate();
+        let now = blocks.filter(|(slot, block)| block.estimated() && !epoch.layout.is_past(*slot));
+        let columns: Vec<usize> = now.flat_map(|(_, block)| block.tangent_range()).collect();
         self.squared = epoch.covariance.nees(&error, &columns).unwrap_or(f64::NAN);
         self.states = columns.len();
     }
@@ -131,6 +144,7 @@ impl Sink for Last {
 fn run(text: &str, settings: &[&str]) -> (Finished, Last) {
     let mut registry = registry();
     registry.add(&PointMassPlugin);
+    registry.add(&TwoWayPlugin);
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let document = Document::parse("test.toml", text).unwrap();
     let scenario = Scenario::new(&registry, document, &settings).unwrap();
@@ -183,6 +197,26 @@ fn beside_a_beacon_the_place_is_found_once_the_vehicle_has_turned() {
     assert_eq!(decided, 10);
     assert!(mean > BAND[0] && mean < BAND[1], "{mean}");
     assert!(errors.iter().flatten().all(|e| e.abs() < 5.0), "{errors:?}");
+}
+
+/// The replies measure from the place of the ping, half a metre before: the past position moves with the
+/// track of each hypothesis.
+#[test]
+fn with_replies_to_pings_the_place_is_found_as_with_a_beacon() {
+    let (decided, mean, errors) = campaign(&format!("{VEHICLE}{SQUARE}{TWO_WAY}"), &[]);
+    assert_eq!(decided, 10);
+    assert!(mean > BAND[0] && mean < BAND[1], "{mean}");
+    assert!(errors.iter().flatten().all(|e| e.abs() < 5.0), "{errors:?}");
+}
+
+#[test]
+fn samples_that_are_excluded_decide_nothing() {
+    for (sensor, name) in [(BEACON, "beacon"), (TWO_WAY, "two-way")] {
+        let exclude = format!("sensor.{name}.exclude=[[\"0 s\", \"250 s\"]]");
+        let stop = "estimator.stop=250 s";
+        let (_, last) = run(&format!("{VEHICLE}{SQUARE}{sensor}"), &[&exclude, stop]);
+        assert!(last.decided.is_none(), "{name}: {:?}", last.decided);
+    }
 }
 
 /// Along a straight track both sides of a beacon have the same ranges.
