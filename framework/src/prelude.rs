@@ -1,6 +1,5 @@
 //! Names for the author of a plugin: `use navfuse_core::prelude::*`.
 
-pub use crate::Real;
 pub use crate::compose::Composer;
 pub use crate::compose::calibration::{
     Calibration, LengthBias, LeverArm, Misalignment, ScaleFactor,
@@ -40,6 +39,7 @@ pub use crate::units::{
     MagneticField, Positive, Pressure, Quantity, Ratio, RatioRandomWalk, Sigma, Speed, Temperature,
     Triple, Voltage,
 };
+pub use crate::{Real, number};
 pub use nalgebra::{SMatrix, SVector, Vector3, convert};
 pub use schemars::JsonSchema;
 pub use serde::Deserialize;

@@ -39,7 +39,21 @@ use std::cell::RefCell;
 /// }
 /// ```
 pub trait MeasurementModel<const N: usize>: Send + 'static {
-    /// `h(x)`: predicted values of the channels, in the sensor's channel order, SI.
+    /// `h(x)`: predicted values of the channels, in the sensor's channel order, SI. A channel without a
+    /// reading, such as beyond a map, is NaN, and its sample is rejected. `convert(f64::NAN)` is one scalar;
+    /// all channels are `SVector::repeat(convert(f64::NAN))`. For `convert` in place of a vector the compiler
+    /// reports that `f64: SubsetOf<Matrix<..>>` is not satisfied.
+    /// ```
+    /// use navfuse_core::prelude::*;
+    /// /// The height of a bottom that is mapped north of zero, and its slope.
+    /// fn bottom<T: Real>(north: T) -> SVector<T, 2> {
+    ///     if number(north) < 0.0 {
+    ///         return SVector::repeat(convert(f64::NAN));
+    ///     }
+    ///     SVector::from([north * convert(0.02), convert(0.02)])
+    /// }
+    /// assert!(bottom(-1.0_f64)[1].is_nan() && bottom(1.0_f64)[0] == 0.02);
+    /// ```
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N>;
 
     /// `R`: covariance of the noise of the channels, SI squared.
