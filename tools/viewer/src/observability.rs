@@ -18,8 +18,11 @@ const BITS_INTERVAL: i64 = 1_000_000_000;
 const COLUMN: usize = 20;
 /// Titles of the columns of strips.
 const TITLES: [&str; 2] = ["Bits gained: halvings of sigma", "Bits gained, continued"];
-/// Time between two pages while no verdict changes, in units of [`BITS_INTERVAL`].
-const PAGE_INTERVAL: i64 = 30;
+/// Time between two pages while no verdict changes, s, in a short run.
+const PAGE_INTERVAL: f64 = 30.0;
+/// Shortest stretch of a strip, and shortest time between two pages, as a part of the run so far: some
+/// pixels. Without it their number, and the index of the file that is in memory, would grow with the run.
+const SHORTEST: f64 = 1.0 / 200.0;
 
 /// Bits at which the colour of a strip changes: how many times sigma was halved.
 const STEPS: [(f64, &str); 8] = [
@@ -54,13 +57,29 @@ impl Strip {
         Ok(Self { path, steps: Vec::new(), words: Words::default() })
     }
 
-    fn push(&mut self, recording: &Recording, time: Time, bits: f64) -> Result<(), StreamError> {
+    /// Takes the bits at a time; a stretch lasts `shortest` at least, ns. The file receives the stretches at
+    /// the end of the run.
+    fn push(
+        &mut self,
+        recording: &Recording,
+        (now, shortest): (i64, i64),
+        bits: f64,
+    ) -> Result<(), StreamError> {
         let step = STEPS.iter().position(|s| bits >= s.0).unwrap_or(STEPS.len() - 1);
-        if self.steps.last().is_some_and(|last| last.1 == step) {
+        if self.steps.last().is_some_and(|(from, last)| *last == step || now - from < shortest) {
             return Ok(());
         }
-        self.steps.push((time.nanos(), step));
-        recording.log(&self.path, time.nanos(), &StateChange::single(STEPS[step].1))
+        self.steps.push((now, step));
+        recording.log_to_viewers(&self.path, now, &StateChange::single(STEPS[step].1))
+    }
+
+    /// Writes the stretches of a run that ends.
+    fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        self.words = Words::default();
+        let mut steps = self.steps.iter();
+        steps.try_for_each(|(from, step)| {
+            recording.log(&self.path, *from, &StateChange::single(STEPS[*step].1))
+        })
     }
 
     /// Leaves their words to the stretches that have room for them, in a run of that length until `now`, ns,
@@ -90,7 +109,8 @@ struct Followed {
     tracker: Tracker,
     strips: Vec<Strip>,
     next: Time,
-    next_page: Time,
+    /// Time of the last page.
+    page: Option<Time>,
     /// Set when a verdict has changed since the last page.
     changed: bool,
     /// Set where the samples after a time count too, which the tab does not follow.
@@ -105,23 +125,24 @@ impl Followed {
             Strip::start(path(&["observability", owner, name, &c.name]), recording)
         };
         let strips = tracker.components().iter().map(strip).collect::<Result<_, _>>()?;
-        let (next, next_page) = (Time::MIN, Time::MIN);
-        Ok(Self { tracker, strips, next, next_page, changed: true, smoothed: run.smoothed })
+        let (next, page) = (Time::MIN, None);
+        Ok(Self { tracker, strips, next, page, changed: true, smoothed: run.smoothed })
     }
 
     fn take(&mut self, record: &Record<'_>, recording: &Recording) -> Result<(), StreamError> {
         self.changed |= self.tracker.take(record);
-        let time = self.tracker.span().1;
+        let (begun, time) = self.tracker.span();
         if !self.tracker.started() || time < self.next {
             return Ok(());
         }
         let interval = time.nanos().div_euclid(BITS_INTERVAL);
         self.next = Time::from_nanos((interval + 1) * BITS_INTERVAL);
+        let shortest = SHORTEST * time.since(begun);
         for (strip, status) in self.strips.iter_mut().zip(self.tracker.status()) {
-            strip.push(recording, time, status.bits())?;
+            strip.push(recording, (time.nanos(), (1e9 * shortest) as i64), status.bits())?;
         }
-        if self.changed || time >= self.next_page {
-            self.next_page = Time::from_nanos((interval + PAGE_INTERVAL) * BITS_INTERVAL);
+        let since = self.page.map_or(f64::INFINITY, |last| time.since(last));
+        if is_page_due(since, self.changed, shortest) {
             self.write_page(recording)?;
         }
         Ok(())
@@ -139,7 +160,7 @@ impl Followed {
     }
 
     /// Share of the page in the width: that of a column, but its table needs 530 of 1600 pixels.
-    fn page(&self) -> f64 {
+    fn page_share(&self) -> f64 {
         (1.0 / (self.columns() + 1) as f64).max(1.0 / 3.0)
     }
 
@@ -152,7 +173,7 @@ impl Followed {
     /// window.
     fn fit(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let (first, last) = self.tracker.span();
-        let width = (1.0 - self.page()) * strip::ACROSS / self.columns() as f64;
+        let width = (1.0 - self.page_share()) * strip::ACROSS / self.columns() as f64;
         let run_and_width = ((last - first).nanos(), width);
         let fit = |strip: &mut Strip| strip.fit(recording, last.nanos(), run_and_width);
         self.strips.iter_mut().try_for_each(fit)
@@ -164,9 +185,15 @@ impl Followed {
             return Ok(());
         }
         self.changed = false;
+        self.page = Some(self.tracker.span().1);
         let page = TextDocument::from_markdown(markdown(&self.tracker));
         recording.log(&page_entity(), self.tracker.span().1.nanos(), &page)
     }
+}
+
+/// Returns `true` where a page is due that long after the last one, s, with at least `shortest` between two.
+fn is_page_due(since: f64, changed: bool, shortest: f64) -> bool {
+    since >= shortest && (changed || since >= PAGE_INTERVAL.max(2.0 * shortest))
 }
 
 /// The entity of the page.
@@ -196,6 +223,7 @@ impl Tab for Observability {
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.followed.as_mut().map_or(Ok(()), |followed| {
             followed.tracker.finish();
+            followed.strips.iter_mut().try_for_each(|strip| strip.write(recording))?;
             followed.fit(recording)?;
             followed.write_page(recording)
         })
@@ -220,11 +248,45 @@ impl Tab for Observability {
             })
             .collect();
         views.push(TextDocumentView::new("What is determined").with_origin(page_entity()).into());
-        let page = followed.page();
+        let page = followed.page_share();
         let column = (1.0 - page) / followed.columns() as f64;
         let mut shares = vec![column as f32; views.len() - 1];
         shares.push(page as f32);
         let all = Horizontal::new(views).with_column_shares(shares);
         Some(all.with_name("Observability").into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
+
+    use super::*;
+    use navfuse_rerun::Live;
+
+    /// A strip that changes every second for a day has a stretch in each second of the first 200, and 200 in
+    /// every e-fold of the run afterwards; 200 (1 + ln(86400 / 200)) are 1414. The pages of a run without
+    /// changes are 30 s apart for the first 3000 s: 100 (1 + ln(86400 / 3000)) are 437.
+    #[test]
+    fn stretches_and_pages_grow_with_the_logarithm_of_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.rrd");
+        let recording = Recording::open(path.clone(), &Live::default()).unwrap();
+        let mut strip = Strip::start(path_of("x"), &recording).unwrap();
+        let (mut pages, mut last) = (0, 0.0);
+        for second in 0..86_400_i64 {
+            let (now, shortest) = (second * BITS_INTERVAL, SHORTEST * second as f64);
+            let bits = if second % 2 == 0 { 1.5 } else { 0.5 };
+            strip.push(&recording, (now, (1e9 * shortest) as i64), bits).unwrap();
+            if is_page_due(second as f64 - last, false, shortest) {
+                (pages, last) = (pages + 1, second as f64);
+            }
+        }
+        assert!((1200..1450).contains(&strip.steps.len()), "{}", strip.steps.len());
+        assert!((400..450).contains(&pages), "{pages}");
+    }
+
+    fn path_of(name: &str) -> EntityPath {
+        path(&["observability", name])
     }
 }
