@@ -288,10 +288,14 @@ fn metres_from_a_point_need_this_point_and_run_with_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let truth = folder.path().join("reference.csv");
     reference(&truth, &recorded, 0);
-    let files = programs::mounted::from_a_point(&recorded, folder.path(), [48.1, 11.5, 500.0]);
-    let refused = run(&files, &truth).expect_err("no file has the point");
-    assert!(refused.contains("metres east and north of a point"), "{refused}");
-    let sigma =
-        run_from(&files, &truth, Some([48.1, 11.5, 500.0])).unwrap_or_else(|e| panic!("{e}"));
-    assert!(sigma < SIGMA, "{sigma}");
+    for vertical in [("up [m]", 1.0), ("Down (m)", -1.0)] {
+        let point = [48.1, 11.5, 500.0];
+        let files = programs::mounted::from_a_point(&recorded, folder.path(), point, vertical);
+        let refused = run(&files, &truth).expect_err("no file has the point");
+        assert!(refused.contains("metres east and north of a point"), "{refused}");
+        let scenario = import(&files, Some(point)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(scenario.contains("columns.height"), "{scenario}");
+        let sigma = run_beside(&scenario, &truth).unwrap_or_else(|e| panic!("{e}"));
+        assert!(sigma < SIGMA, "{vertical:?}: {sigma}");
+    }
 }

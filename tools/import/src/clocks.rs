@@ -47,6 +47,11 @@ const ZONE: f64 = 900.0;
 /// Offset, s, that matters, and the number of sigmas from which a drift is one.
 const MATTERS: f64 = 0.02;
 const CERTAIN: f64 = 3.0;
+/// Drift that no clock has, and 1-sigma, s, of an offset that no motion shows.
+const FASTEST_DRIFT: f64 = 0.1;
+const UNKNOWN: f64 = 1.0;
+/// Delay, s, that no receiver has: one of two clocks that are farther apart is false.
+const LATEST: f64 = 3.0;
 
 /// The clock of a sensor, compared with that of the IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +115,9 @@ fn compare_apart(
     let (start, width) = within(0.0, LARGEST).or_else(wide)?;
     let differences = Differences::new(imu, measured, apart, start);
     let line = differences.inside([start - width, start + width]).line(start, apart, shared)?;
-    Some(ClockOffset { offset: line.offset, drift: line.drift, means: measured.means() })
+    let clock = ClockOffset { offset: line.offset, drift: line.drift, means: measured.means() };
+    let impossible = clock.certain_drift().is_some_and(|[drift, _]| drift.abs() > FASTEST_DRIFT);
+    (!impossible && clock.offset[1] < UNKNOWN).then_some(clock)
 }
 
 /// The clock of a receiver by its velocities and by its positions: of two that agree the better one. A receiver that
@@ -126,7 +133,7 @@ pub fn of_receiver(
     };
     let better = if place.offset[1] < fast.offset[1] { place } else { fast };
     let lag = [fast.offset[0] - place.offset[0], fast.offset[1].hypot(place.offset[1])];
-    if lag[0].abs() < (CERTAIN * lag[1]).max(MATTERS) {
+    if lag[0].abs() < (CERTAIN * lag[1]).max(MATTERS) || lag[0].abs() > LATEST {
         return (Some(better), None);
     }
     let middle = 0.5 * (fast.offset[0] + place.offset[0]);

@@ -26,6 +26,10 @@ const ANYWHERE: [f64; 9] = [45.0, 65.0, 25.0, 5.0, -15.0, -35.0, -55.0, -75.0, 8
 const LONGEST_BRIDGED: f64 = 0.5;
 /// Speed, m/s, below which an alignment by the course must be told.
 const SLOW: f64 = 4.0;
+/// Random walk of the velocity of a vehicle without an IMU, m/s^2/sqrt(Hz): of a slow one, and for each m/s of the fastest
+/// speed.
+const LEAST_ACCELERATION: f64 = 0.2;
+const ACCELERATION: f64 = 0.12;
 /// Recording, s, that is too short for the usual alignment by the course.
 const SHORT: f64 = 25.0;
 
@@ -150,7 +154,10 @@ fn dead_reckoning<'a>(
     answers: &Answers,
 ) {
     out.line("type = \"dead-reckoning\"");
-    out.ask("acceleration = \"0.2 m/s^2/sqrt(Hz)\"", "how fast the vehicle changes its speed");
+    let fastest = stream("gnss").map_or(0.0, |s| s.fastest);
+    let acceleration = LEAST_ACCELERATION.max(ACCELERATION * fastest);
+    let line = format!("acceleration = \"{acceleration:.1} m/s^2/sqrt(Hz)\"");
+    out.ask(&line, "how fast the vehicle changes its speed");
     out.line("velocity = { initial = [\"0 m/s\", \"0 m/s\", \"0 m/s\"], sigma = \"1 m/s\" }");
     position(out, recording, stream("gnss"), answers);
 }

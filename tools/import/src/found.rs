@@ -30,6 +30,8 @@ pub struct Found {
     pub others: String,
     /// The pressure of which the depth is made.
     pub pressure: Option<Pressure>,
+    /// The receiver and the attitude of a table of poses, which are used where no file has an inertial unit.
+    pub apart: Vec<Found>,
     /// The best class of fixes that a receiver reports.
     pub class: Option<FixClass>,
 }

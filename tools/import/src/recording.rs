@@ -134,6 +134,7 @@ impl Recording {
         recording.use_odometry()?;
         recording.join_halves();
         recording.join_velocity()?;
+        recording.split_poses();
         if recording.part("imu").is_none() && !recording.drive_by_attitude() {
             return Err(recording.without_imu());
         }
@@ -171,6 +172,20 @@ impl Recording {
              dvel_z_mps"
         };
         StreamError::format(text).with_remedy(remedy)
+    }
+
+    /// Takes a table of poses for a receiver and an attitude where nothing else has a position and no file an inertial unit.
+    fn split_poses(&mut self) {
+        let others = ["imu", "attitude", "gnss"].iter().any(|name| self.part(name).is_some());
+        let poses = |part: &Part| part.name == "reference" && !part.found.apart.is_empty();
+        let Some(k) = self.parts.iter().position(poses).filter(|_| !others) else { return };
+        let part = self.parts.remove(k);
+        for (name, mut found) in ["gnss", "attitude"].into_iter().zip(part.found.apart.clone()) {
+            if name == "attitude" {
+                found.kind = "reference";
+            }
+            self.parts.push(Part { name, found, ..part.clone() });
+        }
     }
 
     /// Drives the filter by the attitude of the vehicle's own system, with the velocity of a log,

@@ -5,8 +5,8 @@
 use crate::folder::{Folder, is_folder};
 use crate::labelled::{self, Labelled};
 use crate::lines::{Backwards, Change, Lines};
-use crate::transposed::{self, Columns};
 use crate::utf16::{self, Utf16};
+use crate::whole::Whole;
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
@@ -206,9 +206,9 @@ pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut file = Bounded::open(path, most.max(BUFFER), Form::default())?;
     let mut bytes = Vec::new();
     (&mut file).take(BUFFER as u64).read_to_end(&mut bytes)?;
-    if is_of_columns(&bytes) {
+    if let Some(whole) = Whole::of(&String::from_utf8_lossy(&bytes)) {
         // the first records, as objects of JSON
-        let columns = Columns::read(&mut io::Cursor::new(bytes).chain(Unbounded(file)))?;
+        let columns = whole.read(&mut io::Cursor::new(bytes).chain(Unbounded(file)))?;
         return Ok(columns.beginning(most).into_bytes());
     }
     let rest = most.saturating_sub(bytes.len());
@@ -225,17 +225,11 @@ pub fn records_of_all_forms(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut file = Bounded::open(path, BUFFER, Form::default())?;
     let mut bytes = Vec::new();
     (&mut file).take(BUFFER as u64).read_to_end(&mut bytes)?;
-    if is_of_columns(&bytes) {
+    if Whole::of(&String::from_utf8_lossy(&bytes)).is_some() {
         return beginning(path, most);
     }
     let most = usize::try_from(most).unwrap_or(usize::MAX / 2);
     labelled::of_all_forms(io::Cursor::new(bytes).chain(Unbounded(file)), most)
-}
-
-/// Tests whether a file begins with an array for each column.
-fn is_of_columns(beginning: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(beginning);
-    text.trim_start().starts_with(['{', '[']) && transposed::begins(&text)
 }
 
 /// A file that has no rows, of any length.

@@ -73,7 +73,7 @@ impl ChannelCell {
                 Map::Utm(_) if east == 0.0 => f64::NAN,
                 Map::Utm(zone) => zone.position([east, north])[self.axis.min(1)],
                 Map::Local(local, up) => {
-                    let up = up.map_or(0.0, |column| parsed(text(column)));
+                    let up = up.map_or(0.0, |(column, sign)| sign * parsed(text(column)));
                     local.position([east, north, up])[self.axis]
                 }
             });
@@ -243,11 +243,13 @@ pub fn channel_cells(
         let north = given.and_then(|g| g.north.as_ref()).map(index).transpose()?;
         let plus = given.and_then(|g| g.plus.as_ref()).map(index).transpose()?;
         let up = given.and_then(|g| g.up.as_ref()).map(index).transpose()?;
+        let down = given.and_then(|g| g.down.as_ref()).map(index).transpose()?;
+        let up = up.map(|k| (k, 1.0)).or_else(|| down.map(|k| (k, -1.0)));
         let side = given.and_then(|g| g.side.as_ref()).map(index).transpose()?;
         let unknown = || {
             format!(
                 "{key}: a zone such as \"32N\" or an origin needs `north`, `north` one of both, and `up` \
-                 an origin"
+                 or `down` an origin"
             )
         };
         let map = match (north, zone.map(Zone::parse), origin) {

@@ -18,8 +18,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Csv {
-    /// Folder of the files, absolute or relative to the folder of the scenario. Default: the folder
-    /// of the scenario.
+    /// Folder of the files, absolute or relative to the folder of the scenario. Default: the folder of the scenario.
     #[serde(default)]
     pub directory: PathBuf,
     /// Format of each sensor's file, by the name of the sensor. Default: the file NAME.csv, if it
@@ -50,8 +49,7 @@ pub struct FileConfig {
     /// The columns of the channels, by the name of the channel. Default: the name of the channel
     /// and a unit, such as vel_x_mps.
     pub columns: BTreeMap<String, Named<Column>>,
-    /// Separator of the cells: one ASCII character, or `whitespace` for any number of spaces and
-    /// tabs. Default: a comma.
+    /// Separator of the cells: one ASCII character, or `whitespace` for any number of spaces and tabs. Default: a comma.
     #[schemars(with = "String")]
     pub delimiter: Delimiter,
     /// Character at the start of a line that is a comment. Default: #.
@@ -67,7 +65,7 @@ pub struct FileConfig {
     /// `{ accel = 3 }` are then `accel.0` to `accel.2`. Default: none.
     pub vectors: BTreeMap<String, u8>,
     /// Set if each row names its values: objects of JSON, one after another or in an array, and lines
-    /// such as `t=0.01 gx: 0.2`, and points of GPX, TCX and KML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
+    /// such as `t=0.01 gx: 0.2`, points of GPX, TCX and KML, one value in each row, matrices and tables of HTML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
     /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
     pub labels: bool,
     /// Text behind the stamp that a terminal program wrote before each line, such as `->` of the Arduino IDE, or `]`: the
@@ -200,6 +198,8 @@ pub struct Column {
     /// Heading of the column with the height in m above the plane of `origin`, beside an easting and a
     /// northing from there. Default: none.
     pub up: Option<String>,
+    /// Heading of the column with the distance in m below the plane of `origin`, in place of `up`. Default: none.
+    pub down: Option<String>,
     /// The point from which easting, northing and `up` count, along its own east, north and up, for `lat`,
     /// `lon` and `height`. Default: none.
     pub origin: Option<Point>,

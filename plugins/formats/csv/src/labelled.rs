@@ -6,7 +6,8 @@ use crate::object::object;
 use crate::paths::bounded;
 use crate::pieces::{Joined, Pieces};
 use crate::protobuf;
-use crate::transposed::{self, Columns};
+use crate::transposed::Columns;
+use crate::whole::Whole;
 use crate::wrapped;
 use crate::xml;
 use crate::yaml;
@@ -24,8 +25,8 @@ enum Form {
     Plain,
     /// Objects in an array that an object of JSON has.
     Wrapped(wrapped::Array),
-    /// Arrays of JSON, one for each column; read with the first record.
-    Columns(Option<Columns>),
+    /// Columns of a text that is read as a whole, with the first record.
+    Columns(Whole, Option<Columns>),
     Yaml(yaml::Parts),
     Xml(xml::Points),
     Protobuf,
@@ -46,8 +47,7 @@ impl<R: Read> Records<R> {
         let text = String::from_utf8_lossy(&beginning);
         let xml = || xml::Points::of(&text).map(Form::Xml);
         let wrapped = || wrapped::Array::of(&text).map(Form::Wrapped);
-        let json = text.trim_start().starts_with(['{', '[']);
-        let columns = || (json && transposed::begins(&text)).then_some(Form::Columns(None));
+        let columns = || Whole::of(&text).map(|whole| Form::Columns(whole, None));
         let protobuf = || protobuf::begins(&text).then_some(Form::Protobuf);
         let form = columns().or_else(protobuf).or_else(|| yaml::Parts::of(&text).map(Form::Yaml));
         let form = form.or_else(xml).or_else(wrapped);
@@ -65,9 +65,9 @@ impl<R: Read> Records<R> {
                 let inside = array.enter(&mut self.file)?;
                 Ok(inside && next(&mut self.file, &mut self.record)? && self.record[0] == b'{')
             }
-            Form::Columns(columns) => {
+            Form::Columns(whole, columns) => {
                 if columns.is_none() {
-                    *columns = Some(Columns::read(&mut self.file)?);
+                    *columns = Some(whole.read(&mut self.file)?);
                 }
                 Ok(columns.as_mut().is_some_and(Columns::advance))
             }
@@ -78,7 +78,7 @@ impl<R: Read> Records<R> {
 
     /// Calls `found` with the path and the text of each value of the record.
     fn values(&self, found: impl FnMut(&str, &str)) {
-        if let Form::Columns(columns) = &self.form {
+        if let Form::Columns(_, columns) = &self.form {
             if let Some(columns) = columns {
                 columns.values(found);
             }
@@ -305,11 +305,78 @@ mod tests {
         assert_eq!(table(text.leak(), &headings), "1,0.5,-1e-3\n2,0,-1e-3\n");
     }
 
+    #[test]
+    fn a_value_in_each_row_is_a_row_for_each_time() {
+        let table_of = "t;sensor;signal;value;unit\n0.1;imu;gx;1;rad/s\n0.1;imu;gy;2;rad/s\n0.2;imu;gx;3;rad/s\n\
+                        0.2;imu;gy;4;rad/s\n0.3;imu;gx;5;rad/s\n0.3;imu;gy;6;rad/s\n0.2;gps;lat;48;deg\n";
+        let headings = ["t", "imu.gx [rad/s]", "imu.gy [rad/s]", "gps.lat [deg]"];
+        assert_eq!(table(table_of, &headings), "0.1,1,2,\n0.2,3,4,\n0.3,5,6,\n0.2,,,48\n");
+        let objects = "{\"ts\": 1, \"name\": \"a\", \"value\": 5}\n{\"ts\": 1, \"name\": \"b\", \"value\": true}\n";
+        assert_eq!(table(objects, &["ts", "a", "b"]), "1,5,true\n");
+        // times of one message, which a program writes one after another
+        let names = ["A", "B", "C", "D", "E", "F"];
+        let row = |k: usize| {
+            let time = k / 6 * 100 + k % 6;
+            format!("{}.{:03} {} iX {k}\n", time / 1000, time % 1000, names[k % 6])
+        };
+        let moos = "%% LOGSTART 5\n".to_owned() + &(0..30).map(row).collect::<String>();
+        let rows = table(moos.leak(), &["time", "A", "F"]);
+        assert!(rows.starts_with("0.000,0,5\n0.100,6,11\n"), "{rows}");
+    }
+
+    #[test]
+    fn matrices_lists_and_pages_are_rows() {
+        let rows = |head: &str, row: fn(usize) -> String, end: &str| {
+            format!("{head}{}{end}\n", (0..20).map(row).collect::<String>())
+        };
+        let matlab = rows(
+            "% imu: t [s], w x y z [deg/s]\nimu = [ ...\n",
+            |k| format!("{k} 1 2 -3e-1; ...\n"),
+            "];",
+        ) + &rows("b = [", |k| format!("{k}, 7;"), "]");
+        let text = table(matlab.leak(), &["imu.t [s]", "imu.w_z [deg/s]", "b.1"]);
+        assert!(text.starts_with("0,-3e-1,\n1,-3e-1,\n"), "{text}");
+        assert!(text.ends_with(",,7\n"), "{text}");
+        let lists = rows("", |k| format!("({k}, [1, 2], 3)\n"), "");
+        let text = table(lists.leak(), &["0", "1.1", "2"]);
+        assert!(text.starts_with("0,2,3\n1,2,3\n"), "{text}");
+        let page = rows(
+            "<table><tr><th>t</th><th>w</th></tr>",
+            |k| format!("<tr><td>{k}</td><td><b>5</b></td></tr>"),
+            "</table>",
+        );
+        assert!(table(page.leak(), &["w", "t"]).starts_with("5,0\n5,1\n"));
+        let keyed = "{\"2023-11-14T22:13:20.01\": {\"a\": 1, \"b\": 2}, \"y\": {\"a\": 3, \"b\": 4}, \"z\": {\"a\": 3, \"b\": 4}}";
+        assert!(table(keyed, &["key", "b"]).starts_with("2023-11-14T22:13:20.01,2\ny,4\n"));
+        let timed = |name: &str| {
+            format!(
+                "\"{name}\": {{\"unit\": \"g\", \"values\": [{}]}}",
+                rows("", |k| format!("[{k}, 5], "), "[20, 5], [21, 5], [22, 5], [23, 6]").trim()
+            )
+        };
+        let signals = format!("{{{}, {}, {}}}", timed("x"), timed("y"), timed("z"));
+        assert!(table(signals.leak(), &["time", "x [g]", "z [g]"]).starts_with("0,5,5\n1,5,5\n"));
+    }
+
+    #[test]
+    fn numbers_of_a_log_have_the_names_before_them_or_their_places() {
+        let headings = ["stamp", "kind", "gyro.1", "temp"];
+        let log = "[INFO] 22:13:20.010 imu: gyro [0.1, 0.2, 0.3] rad/s, temp 21.5 degC\n";
+        assert_eq!(table(log, &headings), "22:13:20.010,imu,0.2,21.5\n");
+        let console = "[INFO] [1700000000.01] [gps_node]: 48.1, 11.5, 500\n";
+        assert_eq!(
+            table(console, &["stamp", "kind", "0", "2"]),
+            "1700000000.01,gps_node,48.1,500\n"
+        );
+        let payload = "1700000000.01,car/imu,\"{\"\"gx\"\": 0.5}\"\n";
+        assert_eq!(table(payload, &["stamp", "kind", "gx"]), "1700000000.01,car/imu,0.5\n");
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn any_text_has_rows_or_an_error(text in "(<\\?xml|<trkpt|</trkpt>|<when>|</when>|</coord>)?([{}\\[\\]\",:= <>/\n\\\\]|a: |- |---\n|1|é|null)*") {
+        fn any_text_has_rows_or_an_error(text in "(<\\?xml|<table><tr>|a = \\[|t,name,value\n|<trkpt|</trkpt>|<when>|</when>|</coord>)?([{}\\[\\]\",:= <>/\n\\\\]|a: |- |---\n|1|é|null)*") {
             for row in records(&text) {
                 prop_assert!(row.len() <= text.len());
             }

@@ -1,5 +1,7 @@
 //! Lines that name their values: `t=0.01 gx: 0.2`, what programs print, and names and numbers by turns.
 
+mod spoken;
+
 use crate::number::number;
 use crate::object::object;
 use navfuse_core::units::parse_unit;
@@ -13,9 +15,16 @@ const KIND: &str = "kind";
 /// is the stamp of the line, and the last word of it the kind, where it is no number. Names in brackets, as
 /// `accel=Vector(x=0.1)`, follow that of the brackets; digits alone at the end are the stamp of a line of InfluxDB.
 pub fn line(text: &str, mut found: impl FnMut(&str, &str)) {
-    if before_object(text, &mut found) || pairs(text, &mut found) {
-        return;
+    if !before_object(text, &mut found)
+        && !pairs(text, &mut found)
+        && !spoken::line(text, &mut found)
+    {
+        marked(text, found);
     }
+}
+
+/// The same for a line whose names have a mark behind them, `t=0.01 gx: 0.2`.
+fn marked(text: &str, mut found: impl FnMut(&str, &str)) {
     let named = |c: char| c.is_alphanumeric() || ['_', '.', '[', ']'].contains(&c);
     let (mut at, mut first, mut stamped) = (0, true, false);
     let mut stems: Vec<&str> = Vec::new();
@@ -97,16 +106,24 @@ fn with_unit<'a>(name: &'a str, behind: &str, end: impl Fn(char) -> bool) -> (Co
     }
 }
 
-/// Tests whether a line ends with an object of JSON behind a stamp or a topic, as brokers of messages print them, and reads
-/// it.
+/// Tests whether a line ends with an object of JSON behind a stamp or a topic, as brokers of messages print them or as the
+/// last cell of a table holds it, and reads it.
 fn before_object(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
     let text = text.trim_end();
+    let quoted = text.contains("{\"\"").then(|| text.trim_end_matches('"').replace("\"\"", "\""));
+    let text = quoted.as_deref().unwrap_or(text);
     let Some((before, _)) = text.split_once("{\"").filter(|_| text.ends_with('}')) else {
         return false;
     };
-    let Some(first) = before.split(['\t', ' ']).find(|word| !word.is_empty()) else { return false };
-    let digits = first.starts_with(|c: char| c.is_ascii_digit());
-    found(if digits { STAMP } else { KIND }, first);
+    let mut words = before.split(['\t', ' ', ',', ';']).filter(|word| !word.is_empty());
+    let Some(first) = words.next() else { return false };
+    if first.starts_with(|c: char| c.is_ascii_digit()) {
+        found(STAMP, first);
+        let topic = words.find(|word| word.starts_with(|c: char| c.is_alphabetic() || c == '/'));
+        topic.into_iter().for_each(|topic| found(KIND, topic));
+    } else {
+        found(KIND, first);
+    }
     object(&text[before.len()..], |name, value| found(name, value));
     true
 }

@@ -16,8 +16,8 @@ const SOUTH: f64 = 10_000_000.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Map {
     Utm(Zone),
-    /// With the column of the height above the plane.
-    Local(Local, Option<usize>),
+    /// With the column of the height above the plane, and 1, or -1 for the depth below it.
+    Local(Local, Option<(usize, f64)>),
 }
 
 /// The plane through a point along its east, north and up.

@@ -1,15 +1,16 @@
 //! Numbers as programs write them.
 
 /// Words that programs write for a missing number, in addition to those that Rust parses as NaN.
-const ABSENT: [&str; 14] = [
-    "na", "n/a", "#n/a", "null", "none", "nil", "missing", "-", "--", "---", "***", "1.#qnan",
-    "1.#ind", "-1.#ind",
+const ABSENT: [&str; 13] = [
+    "na", "n/a", "#n/a", "null", "none", "nil", "missing", "-", "--", "---", "1.#qnan", "1.#ind",
+    "-1.#ind",
 ];
 
-/// Tests whether a cell holds a word for a missing number.
+/// Tests whether a cell holds a word for a missing number, or the stars of Fortran for one that its column is too narrow for.
 #[must_use]
 pub fn is_absent(cell: &str) -> bool {
-    ABSENT.iter().any(|word| word.eq_ignore_ascii_case(cell))
+    let stars = cell.len() > 1 && cell.bytes().all(|b| b == b'*');
+    stars || ABSENT.iter().any(|word| word.eq_ignore_ascii_case(cell))
 }
 
 /// The number of a cell: as Rust parses it, with an exponent of Fortran (`1.0D+03`), or a coordinate with its side

@@ -3,20 +3,18 @@
 //! and `[{"type": "time", "data": [0, 1]}]`. Arrays of other lengths are rows of their own.
 
 use crate::object::object;
+use crate::series;
 use std::collections::BTreeMap;
-use std::io::{Error, ErrorKind, Read, Result};
 
 /// Least number of elements of the first array, at the beginning of a file.
-const LEAST: usize = 24;
-/// Largest size of such a file in bytes: it is read as a whole, and takes twice as much memory.
-const LARGEST: u64 = 1 << 28;
+pub const LEAST: usize = 24;
 /// Keys whose array in an element of a list is a column, and those that name it.
 const VALUES: [&str; 3] = ["data", "values", "value"];
 const NAMES: [&str; 3] = ["type", "name", "key"];
 
 /// The cells of a column, one after another in one text, so that they take no more memory than in the file.
 #[derive(Default)]
-struct Cells {
+pub struct Cells {
     text: String,
     count: usize,
     /// Place of the cell of this row, and of the next one.
@@ -27,34 +25,63 @@ struct Cells {
 const END: char = '\0';
 
 impl Cells {
-    fn push(&mut self, cell: &str) {
+    pub fn push(&mut self, cell: &str) {
         self.text.extend(cell.chars().filter(|c| *c != END));
         self.text.push(END);
         self.count += 1;
     }
 
+    /// Number of cells.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// Goes on to the next cell.
-    fn advance(&mut self) {
+    pub fn advance(&mut self) {
         let from = self.here[1];
         let end = self.text[from..].find(END).map_or(from, |at| from + at + 1);
         self.here = [from, end];
     }
 
     /// The cell of this row; `None` behind the last one.
-    fn cell(&self) -> Option<&str> {
+    pub fn cell(&self) -> Option<&str> {
         self.text[self.here[0]..self.here[1]].strip_suffix(END)
     }
 
-    fn all(&self) -> Vec<&str> {
+    pub fn all(&self) -> Vec<&str> {
         self.text.split_terminator(END).collect()
     }
 }
 
 /// Columns of about one length, and the number of their rows.
 #[derive(Default)]
-struct Group {
+pub struct Group {
     columns: Vec<(usize, String, Cells)>,
     rows: usize,
+}
+
+impl Group {
+    /// Columns with as many rows, by their names.
+    pub fn of(columns: impl Iterator<Item = (String, Cells)>, rows: usize) -> Self {
+        let mut group = Self { columns: Vec::new(), rows };
+        group.extend(columns);
+        group
+    }
+
+    /// Adds columns.
+    pub fn extend(&mut self, columns: impl Iterator<Item = (String, Cells)>) {
+        let place = self.columns.len();
+        self.columns.extend(columns.enumerate().map(|(k, (name, cells))| (place + k, name, cells)));
+    }
+
+    /// Adds a column that goes before those with a higher place.
+    pub fn push(&mut self, place: usize, name: String, cells: Cells) {
+        self.columns.push((place, name, cells));
+    }
+
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
 }
 
 /// The columns of a file: the rows of the longest ones come first, and those of other sensors follow.
@@ -124,24 +151,12 @@ pub fn begins(text: &str) -> bool {
 }
 
 impl Columns {
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// When it cannot be read or is too large.
-    pub fn read(file: &mut impl Read) -> Result<Self> {
-        let mut text = String::new();
-        file.take(LARGEST + 1).read_to_string(&mut text)?;
-        if text.len() as u64 > LARGEST {
-            let text = format!("JSON with an array for each column has more than {LARGEST} bytes");
-            return Err(Error::new(ErrorKind::InvalidData, text));
-        }
-        Ok(Self::of(&text))
-    }
-
-    fn of(text: &str) -> Self {
+    /// The columns of a text of JSON.
+    pub fn of(text: &str) -> Self {
         let listed = text.trim_start().starts_with('[');
         let mut columns: BTreeMap<String, (usize, Cells)> = BTreeMap::new();
         let mut names: BTreeMap<String, String> = BTreeMap::new();
+        let mut units: BTreeMap<String, String> = BTreeMap::new();
         let mut order = 0;
         object(text.trim(), |path, value| {
             let parts: Vec<&str> =
@@ -152,6 +167,10 @@ impl Columns {
             let Some(k) = (first..parts.len()).find(|k| number(&parts[*k])) else {
                 if parts.last().is_some_and(|last| NAMES.contains(last)) && listed {
                     names.insert(parts[0].to_owned(), value.to_owned());
+                } else if let Some((stem, _)) =
+                    path.rsplit_once('.').filter(|(_, last)| series::UNITS.contains(last))
+                {
+                    units.insert(stem.to_owned(), value.to_owned());
                 }
                 return;
             };
@@ -171,6 +190,7 @@ impl Columns {
                 column.1.push(value);
             }
         });
+        let timed = series::timed(&mut columns, &units);
         // headings beside the rows of all columns, or of those of a sensor
         let titles = |path: &String, _: &mut (usize, Cells)| path.ends_with("columns");
         let titles: Vec<(String, (usize, Cells))> = columns.extract_if(.., titles).collect();
@@ -206,7 +226,14 @@ impl Columns {
         // shorter ones are a time and a value at least
         let begins = groups.first().map_or(0, |group| group.rows);
         groups.retain(|g| g.rows == begins || (g.rows >= LEAST && g.columns.len() > 1));
+        groups.extend(timed);
+        Self::new(groups)
+    }
+
+    /// The rows of groups.
+    pub fn new(mut groups: Vec<Group>) -> Self {
         groups.iter_mut().for_each(|group| group.columns.sort_by_key(|(order, ..)| *order));
+        groups.sort_by_key(|group| usize::MAX - group.rows);
         Self { groups, group: 0, at: 0 }
     }
 
@@ -234,11 +261,15 @@ impl Columns {
 
     /// The first rows of each group as objects of JSON, in at most so many bytes.
     pub fn beginning(mut self, most: usize) -> String {
-        let share = most / self.groups.len().max(1);
-        let mut text = String::new();
+        // half for all alike, and half by their rows
+        let (count, rows) =
+            (self.groups.len().max(1), self.groups.iter().map(|g| g.rows).sum::<usize>().max(1));
+        let (mut text, mut end) = (String::new(), 0.0);
         for group in 0..self.groups.len() {
             (self.group, self.at) = (group, 0);
-            while text.len() < (group + 1) * share && self.advance() && self.group == group {
+            let share = 0.5 / count as f64 + 0.5 * self.groups[group].rows as f64 / rows as f64;
+            end += share * most as f64;
+            while (text.len() as f64) < end && self.advance() && self.group == group {
                 let mut cells = Vec::new();
                 self.values(|name, cell| cells.push(format!("\"{name}\": \"{cell}\"")));
                 text += &format!("{{{}}}\n", cells.join(", "));

@@ -4,6 +4,8 @@ use std::io::{BufRead, Result};
 
 /// Least number of objects of an array whose object ends at the beginning of a file.
 const SEVERAL: usize = 2;
+/// Depths of such arrays, the least first.
+const LEVELS: [usize; 3] = [2, 3, 4];
 
 /// The brackets of JSON that are open.
 #[derive(Clone, Debug, Default)]
@@ -13,10 +15,12 @@ struct Brackets {
     escaped: bool,
     /// Depth of an array that begins, until its first value.
     array: Option<usize>,
+    /// Depth of the arrays whose objects are the records.
+    level: usize,
 }
 
 impl Brackets {
-    /// Takes a byte; `true` where the first object of an array of the outermost object begins.
+    /// Takes a byte; `true` where the first object of an array with records begins.
     fn take(&mut self, byte: u8) -> bool {
         if self.quoted {
             self.quoted = byte != b'"' || self.escaped;
@@ -33,7 +37,7 @@ impl Brackets {
             b'}' | b']' => self.depth = self.depth.saturating_sub(1),
             _ => {}
         }
-        byte == b'{' && array == Some(2)
+        byte == b'{' && array == Some(self.level)
     }
 }
 
@@ -49,21 +53,28 @@ impl Array {
     /// text, or nothing follows.
     pub fn of(text: &str) -> Option<Self> {
         let text = text.trim_start();
-        let mut brackets = Brackets::default();
-        let begins =
-            text.starts_with('{').then(|| text.bytes().position(|b| brackets.take(b)))??;
+        // the arrays nearest to the outermost object
+        let begins = |level: usize| {
+            let mut brackets = Brackets { level, ..Brackets::default() };
+            let at = text.bytes().position(|b| brackets.take(b))?;
+            Some((brackets, at))
+        };
+        let (mut brackets, begins) =
+            text.starts_with('{').then(|| LEVELS.into_iter().find_map(begins))??;
+        let level = brackets.level;
         let (mut objects, mut end) = (1, None);
         for (at, byte) in text.bytes().enumerate().skip(begins + 1) {
             let before = brackets.depth;
             brackets.take(byte);
-            objects += usize::from(byte == b'{' && before == 2 && brackets.depth == 3);
+            objects += usize::from(byte == b'{' && before == level && brackets.depth == level + 1);
             if brackets.depth == 0 {
                 end = Some(at);
                 break;
             }
         }
         let alone = end.is_none_or(|at| text[at + 1..].trim().is_empty());
-        (alone && (end.is_none() || objects >= SEVERAL)).then(Self::default)
+        let brackets = Brackets { level, ..Brackets::default() };
+        (alone && (end.is_none() || objects >= SEVERAL)).then_some(Self { brackets, inside: false })
     }
 
     /// Reads up to the next object of the array, or of one that follows; `false` at the end of the file.
@@ -84,7 +95,8 @@ impl Array {
                     // the end of the array
                     Some(_) => {
                         self.inside = false;
-                        self.brackets = Brackets { depth: 2, ..Brackets::default() };
+                        let level = self.brackets.level;
+                        self.brackets = Brackets { depth: level, level, ..Brackets::default() };
                     }
                     None => {}
                 }

@@ -1,5 +1,6 @@
 //! The files of programs and data sets that a stranger brings, each a kind of its own.
 
+mod apart;
 mod binary;
 mod clocks;
 mod exports;
@@ -207,4 +208,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&loggers::PROGRAMS)
         .chain(&written::PROGRAMS)
         .chain(&records::PROGRAMS)
+        .chain(&apart::PROGRAMS)
 }

@@ -46,18 +46,24 @@ pub fn longitudes_first(recorded: &Recorded, folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The recording with positions in metres east, north and up of a point, deg and m.
-pub fn from_a_point(recorded: &Recorded, folder: &Path, point: [f64; 3]) -> Vec<PathBuf> {
+pub fn from_a_point(
+    recorded: &Recorded,
+    folder: &Path,
+    point: [f64; 3],
+    (vertical, sign): (&str, f64),
+) -> Vec<PathBuf> {
     let [latitude, longitude] = [point[0], point[1]].map(f64::to_radians);
     let origin = Geodetic { latitude, longitude, height: point[2] };
     let (sin, cos) = latitude.sin_cos();
     let (s, c) = longitude.sin_cos();
-    let text = table("time,east [m],north [m],up [m]", &recorded["gnss"], |(t, v)| {
+    let head = format!("time,east [m],north [m],{vertical}");
+    let text = table(&head, &recorded["gnss"], |(t, v)| {
         let place = Geodetic { latitude: v[0], longitude: v[1], height: v[2] };
         let d = place.earth_fixed() - origin.earth_fixed();
         let east = c * d.y - s * d.x;
         let out = c * d.x + s * d.y;
         let [north, up] = [cos * d.z - sin * out, sin * d.z + cos * out];
-        format!("{},{east:.4},{north:.4},{up:.4}", seconds(*t))
+        format!("{},{east:.4},{north:.4},{:.4}", seconds(*t), sign * up)
     });
     fixes_of(recorded, folder, &text, 0).given
 }

@@ -1,6 +1,6 @@
 //! Headings that mean something beside others alone: axes, a height under water, parts of a degree.
 
-use super::columns::{ACCEL, Chosen, GYRO, Table};
+use super::columns::{ACCEL, Chosen, DTHETA, DVEL, GYRO, Table};
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
 use crate::pressure::Pressure;
@@ -66,6 +66,36 @@ impl Table<'_> {
         let empty = |(k, m): &(usize, Meaning)| filled.contains(&m.channel) && !holds(*k);
         let columns = self.columns.iter().filter(|column| !empty(column)).cloned().collect();
         self.columns = columns;
+    }
+
+    /// Takes velocities beside increments of angles for increments of velocity where the times of gravity are their norm.
+    pub(super) fn increments(&mut self) {
+        const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
+        if !self.has(&DTHETA) || !self.has(&BODY) || self.has(&DVEL) || self.has(&ACCEL) {
+            return;
+        }
+        for (_, meaning) in &mut self.columns {
+            if let Some(axis) = BODY.iter().position(|name| *name == meaning.channel) {
+                meaning.channel = DVEL[axis];
+            }
+        }
+    }
+
+    /// Takes the meaning of the name of the file for a column `value`, as in `Depth.csv`.
+    pub(super) fn name_value(&mut self, name: &str) {
+        let value = |heading: &String| {
+            let stem = heading.split(['[', '(', '{']).next().unwrap_or_default();
+            ["value", "data"].contains(&vocabulary::words(stem).concat().as_str())
+        };
+        let Some(k) = self.layout.headings.iter().position(value) else { return };
+        let named = meaning(name).filter(|m| ["depth", "pressure", "yaw"].contains(&m.channel));
+        if let Some(named) = named.filter(|m| self.find(m.channel).is_none()) {
+            let (_, unit) = self.layout.headings[k].split_once(['[', '(', '{']).unwrap_or_default();
+            let unit =
+                fitting(unit.trim_end_matches([']', ')', '}']), vocabulary::si(named.channel));
+            self.columns.retain(|(column, _)| *column != k);
+            self.columns.push((k, Meaning { unit, ..named }));
+        }
     }
 
     /// Takes a velocity down beside one forward and one to the right for the third of a log.

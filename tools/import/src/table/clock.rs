@@ -116,6 +116,9 @@ impl Table<'_> {
         let rising = || columns().find(|k| increases(&self.layout.column(*k)));
         let found = dated.or_else(rising);
         if let Some(k) = found.filter(|k| counts_rows(self.heading(*k), &self.layout.column(*k))) {
+            if let Some(rate) = self.layout.rate {
+                return Ok(self.counted(k, rate));
+            }
             return Err(format!(
                 "no column of the time, and {} counts the rows: write a scenario with \
                  `time = {{ column = {}, unit = \"10*ms\" }}` for rows at 100 Hz, or a column time_s into \
@@ -135,6 +138,21 @@ impl Table<'_> {
         };
         clock.questions.push(format!("the column {} is taken for the time", self.heading(k)));
         Ok(clock)
+    }
+
+    /// The time by a column that counts the rows, and the rate above the table.
+    fn counted(&self, k: usize, rate: f64) -> Clock {
+        let key = format!(
+            "time = {{ column = {}, unit = \"{}*us\" }}",
+            quoted(self.heading(k)),
+            1e6 / rate
+        );
+        let seconds = self.layout.column(k).iter().map(|count| count / rate).collect();
+        let question = format!(
+            "{} counts the rows, and a line above them has their rate, {rate} Hz",
+            self.heading(k)
+        );
+        Clock { key: Some(key), seconds, questions: vec![question] }
     }
 
     /// The column whose heading ends with one of these words, the rest of it being `stem`.

@@ -12,29 +12,11 @@ pub(super) const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
 pub(super) const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
 pub(super) const DTHETA: [&str; 3] = ["dtheta_x", "dtheta_y", "dtheta_z"];
 pub(super) const DVEL: [&str; 3] = ["dvel_x", "dvel_y", "dvel_z"];
-const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
+pub(super) const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
 const FIX: [&str; 9] =
     ["lat", "lon", "height", "vel_n", "vel_e", "vel_d", "h_acc", "v_acc", "s_acc"];
 pub(super) const ECEF: [&str; 3] = ["x_ecef", "y_ecef", "z_ecef"];
-/// Headings of a column by which a row counts as valid, with its least value.
-const VALID: [(&str, f64); 10] = [
-    ("fix", 1.0),
-    ("fixtype", 2.0),
-    ("gnssfix", 2.0),
-    ("gpsfix", 2.0),
-    ("statusstatus", 0.0),
-    ("valid", 1.0),
-    ("isvalid", 1.0),
-    ("velocityvalid", 1.0),
-    ("numgoodbeams", 3.0),
-    ("gpsstatus", 3.0),
-];
 const POSE: [&str; 9] = ["lat", "lon", "height", "roll", "pitch", "yaw", "vel_n", "vel_e", "vel_d"];
-/// Share of rows that repeat the row before from which a sensor is slower than its table.
-const REPEATED: f64 = 0.5;
-/// Least number of rows of zeros that are no velocity, and of others that are one.
-const ZEROS: usize = 3;
-const MOVES: usize = 10;
 /// The reason why rows from the newest to the oldest are read in the other order.
 pub const BACKWARDS: &str = "the times of its rows run backwards: sort the rows by their time";
 
@@ -86,8 +68,10 @@ impl<'a> Table<'a> {
         table.leave_out_empty();
         table.down_beside_forward();
         table.name_axes(name);
+        table.name_value(name);
         table.name_earth_fixed();
         table.exchange();
+        table.increments();
         table.choose_inertial();
         table.name_course();
         table
@@ -112,14 +96,6 @@ impl<'a> Table<'a> {
         let list = list.join(", ");
         let question = format!("{list}: far from all other numbers, it stands for no measurement");
         (!list.is_empty()).then(|| (format!("missing = [{list}]"), question))
-    }
-
-    /// Tests whether some rows of a log hold zeros alone among velocities that are not.
-    fn has_zeros(&self) -> bool {
-        let rows = self.vector(BODY);
-        let zeros = rows.iter().filter(|v| **v == [0.0; 3]).count();
-        let moves = rows.iter().filter(|v| v.iter().all(|x| x.is_finite() && *x != 0.0)).count();
-        zeros >= ZEROS && moves > zeros.min(MOVES)
     }
 
     /// The headings, for a message.
@@ -184,7 +160,8 @@ impl<'a> Table<'a> {
         }
         let map = || self.placed().is_some();
         let place = self.has(&["lat", "lon"]) || self.has(&ECEF) || map();
-        if self.has(&BODY) && !place {
+        // a receiver has velocities along axes of its own, unless their headings name a log
+        if self.has(&BODY) && (!place || self.of_log()) {
             sensors.push(self.other("dvl", &BODY));
         } else if !self.has(&BODY) {
             sensors.extend(self.beams_log());
@@ -200,12 +177,16 @@ impl<'a> Table<'a> {
             sensors.extend(self.depth_by_height());
         }
         if place && self.has(&["roll", "pitch", "yaw"]) && !inertial {
-            sensors.push(self.other("reference", &POSE));
+            let mut pose = self.other("reference", &POSE);
+            pose.apart =
+                vec![self.other("gnss", &FIX), self.other("attitude", &["roll", "pitch", "yaw"])];
+            sensors.push(pose);
         } else if place {
             sensors.push(self.other("gnss", &FIX));
         } else if self.has(&["roll", "pitch", "yaw"]) && !inertial {
             sensors.push(self.other("attitude", &["roll", "pitch", "yaw"]));
-        } else if self.has(&["yaw"]) && !self.has(&["roll"]) && (!inertial || self.repeats("yaw")) {
+        } else if self.has(&["yaw"]) && !self.has(&["roll"]) && (!inertial || self.is_slower("yaw"))
+        {
             sensors.push(self.other("dual-antenna", &["heading"]));
         }
         let along = self.has(&["vel_n", "vel_e"]);
@@ -232,6 +213,10 @@ impl<'a> Table<'a> {
             let span = span.map(|(first, last)| [first, last]);
             let mut source = self.layout.keys();
             source.extend(clock.key.clone());
+            for apart in &mut found.apart {
+                apart.source = [source.as_slice(), &apart.source].concat();
+                apart.questions = self.questions.iter().chain(&apart.questions).cloned().collect();
+            }
             source.append(&mut found.source);
             found.source = source;
             found.span = span;
@@ -257,37 +242,6 @@ impl<'a> Table<'a> {
             found.questions = shared.chain(found.questions.drain(..)).collect();
         }
         Ok(sensors)
-    }
-
-    /// The key of the column by which a row of an aiding sensor counts as valid.
-    fn valid(&self, kind: &str) -> Option<String> {
-        let found = |(k, heading): (usize, &String)| {
-            let words = vocabulary::words(heading).concat();
-            // the status of NavSatFix follows the name of its message
-            let (_, least) = VALID.iter().find(|(name, _)| words.ends_with(name))?;
-            let values = self.layout.column(k);
-            let good = values.iter().any(|v| v >= least);
-            (good && kind != "imu")
-                .then(|| format!("valid = {{ column = {}, least = {least:?} }}", quoted(heading)))
-        };
-        self.layout.headings.iter().enumerate().find_map(found)
-    }
-
-    /// Tests whether most rows repeat the measurement of the row before.
-    fn repeats(&self, kind: &str) -> bool {
-        let channels: &[&str] = match kind {
-            "gnss" if !self.has(&["lat", "lon"]) => &ECEF,
-            "gnss" | "reference" => &["lat", "lon"],
-            "dvl" => &BODY,
-            "depth" => &["depth"],
-            "yaw" | "dual-antenna" => &["yaw"],
-            _ => &["speed"],
-        };
-        let columns: Vec<Vec<f64>> = channels.iter().map(|c| self.values(c)).collect();
-        let rows = self.layout.rows.len();
-        let bits = |column: &[f64], k: usize| column.get(k).map(|v| v.to_bits());
-        let same = |k: &usize| columns.iter().all(|c| bits(c, *k) == bits(c, *k - 1));
-        (1..rows).filter(same).count() as f64 > REPEATED * rows as f64
     }
 
     /// The unit that the headings of a vector state, if they state the same.

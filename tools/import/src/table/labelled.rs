@@ -1,8 +1,11 @@
 //! Files whose rows name their values: JSON, and lines such as `t=0.01 gx: 0.2`.
 
+use super::content;
 use super::layout::Layout;
 use super::measured::measured;
+use super::vocabulary::{Meaning, meaning};
 use crate::found::Found;
+use navfuse_core::document::quoted;
 
 /// Number of records by which the values are named.
 const RECORDS: usize = 4000;
@@ -85,7 +88,67 @@ fn of(records: &[&Record], kind: Option<(&str, &str)>, name: &str) -> Result<Vec
     let place = kind
         .and_then(|(path, text)| Some((headings.iter().position(|h| h == path)?, text.to_owned())));
     let layout = Layout::labelled(headings, rows, place.into_iter().collect());
-    measured(layout, name, Vec::new())
+    let (mut sensors, why) = match measured(layout, name, Vec::new()) {
+        Ok(sensors) => (sensors, None),
+        Err(why) => (Vec::new(), Some(why)),
+    };
+    for (paths, rows) in forms(records).into_iter().filter(|(paths, _)| mean_nothing(paths)) {
+        for found in by_content(&paths, rows, kind, name) {
+            if !sensors.iter().any(|known| known.kind == found.kind) {
+                sensors.push(found);
+            }
+        }
+    }
+    match why {
+        Some(why) if sensors.is_empty() => Err(why),
+        _ => Ok(sensors),
+    }
+}
+
+/// The paths of records and the texts of their values.
+type Form = (Vec<String>, Vec<Vec<String>>);
+
+/// The records with the same paths.
+fn forms(records: &[&Record]) -> Vec<Form> {
+    let mut forms: Vec<Form> = Vec::new();
+    for record in records {
+        let paths: Vec<String> = record.iter().map(|(path, _)| path.clone()).collect();
+        let row = record.iter().map(|(_, text)| text.clone()).collect();
+        match forms.iter().position(|(known, _)| *known == paths) {
+            Some(k) => forms[k].1.push(row),
+            None if forms.len() < KINDS => forms.push((paths, vec![row])),
+            None => {}
+        }
+    }
+    forms
+}
+
+/// Tests whether no path names a measurement, as those of a matrix.
+fn mean_nothing(paths: &[String]) -> bool {
+    let measures = |m: Meaning| !["time", "date", "week"].contains(&m.channel);
+    !paths.iter().any(|path| meaning(path).is_some_and(measures))
+}
+
+/// The sensors of records whose paths mean nothing, by the content of their values.
+fn by_content(
+    paths: &[String],
+    rows: Vec<Vec<String>>,
+    kind: Option<(&str, &str)>,
+    name: &str,
+) -> Vec<Found> {
+    let place = kind
+        .and_then(|(path, text)| Some((paths.iter().position(|p| p == path)?, text.to_owned())));
+    let layout = Layout::labelled(paths.to_vec(), rows, place.into_iter().collect());
+    let Some((names, question)) = content::headings(&layout) else { return Vec::new() };
+    let named = layout.renamed(names.clone());
+    let mut sensors = measured(named, name, vec![question]).unwrap_or_default();
+    // the source knows the paths
+    for line in sensors.iter_mut().flat_map(|found| &mut found.source) {
+        for (name, path) in names.iter().zip(paths) {
+            *line = line.replace(&quoted(name), &quoted(path));
+        }
+    }
+    sensors
 }
 
 /// The sensors of a file whose rows name their values; `None` for another file.

@@ -62,6 +62,8 @@ pub struct Layout {
     suffixes: Vec<String>,
     /// Set if the rows run from the newest to the oldest.
     backwards: bool,
+    /// Rate in Hz that a line above the table states.
+    pub rate: Option<f64>,
     /// Numbers that stand for no measurement, by the index of their columns.
     pub missing: Vec<(usize, f64)>,
 }
@@ -222,6 +224,7 @@ impl Layout {
         let (first, _) = *rows.first()?;
         let rows: Vec<Vec<String>> = rows.into_iter().map(|(_, row)| row).collect();
         let mut layout = Self { delimiter, decimal_comma, rows, before: first, ..Self::default() };
+        layout.rate = lines[..first].iter().find_map(|line| preamble::rate(line));
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
@@ -267,7 +270,7 @@ impl Layout {
                 count == width || (ends_empty && count + 1 == width)
             };
             let whole = |d| preamble::with_row(split(text, d), &self.rows);
-            let fitting = separators.into_iter().map(whole).find(fits);
+            let fitting = separators.into_iter().map(whole).find(fits).map(preamble::uncounted);
             let spaced = || parts::spread_over_parts(&split(text, None), &self.rows);
             fitting.or_else(|| self.delimiter.is_none().then(spaced).flatten())
         };

@@ -17,6 +17,8 @@ const SIDE: [&str; 5] = ["hemisphere", "band", "zoneletter", "letter", "latband"
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Words for the height above a point.
 const UP: [&str; 5] = ["up", "u", "height", "altitude", "alt"];
+/// The word for the distance below it.
+const DOWN: &str = "down";
 /// Metres, from which coordinates are no velocities.
 const FAR: f64 = 30.0;
 /// Eastings within a zone, m: other numbers count from a point of their own.
@@ -77,10 +79,15 @@ impl Table<'_> {
         let named = |h: &&String| {
             words(h).iter().find(|w| *w != AXES[2]).is_some_and(|w| UP.contains(&w.as_str()))
         };
-        let up = self.layout.headings.iter().find(named);
+        let below = |h: &&String| {
+            let name = h.split(['[', '(']).next().unwrap_or_default();
+            words(name).first().is_some_and(|w| w == DOWN) && !h.contains('/')
+        };
+        let up = self.layout.headings.iter().find(named).map(|h| ("up", h));
+        let up = up.or_else(|| self.layout.headings.iter().find(below).map(|h| (DOWN, h)));
         let channels: &[&str] =
             if up.is_some() { &["lat", "lon", "height"] } else { &["lat", "lon"] };
-        let more = up.map_or_else(String::new, |up| format!(", up = {}", quoted(up)));
+        let more = up.map_or_else(String::new, |(side, h)| format!(", {side} = {}", quoted(h)));
         let [from, to] = [east, north].map(|k| quoted(self.heading(k)));
         let key = |channel: &&str| {
             format!(

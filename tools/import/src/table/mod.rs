@@ -19,6 +19,7 @@ mod oxts;
 mod pair;
 mod place;
 mod plain;
+mod rows;
 mod rtklib;
 mod sections;
 mod sentinel;
@@ -267,14 +268,57 @@ mod tests {
     }
 
     #[test]
-    fn a_log_with_one_value_in_each_row_is_refused_with_its_names() {
-        let names = ["GYRO_X", "GYRO_Y", "GYRO_Z", "ACC_X", "ACC_Y", "ACC_Z"];
-        let row =
-            |k: usize| format!("{:.3}  IMU_{}   iIMU   0.{k}\n", k as f64 / 600.0, names[k % 6]);
-        let text = "%% LOGSTART 1700000000\n".to_owned() + &(0..90).map(row).collect::<String>();
-        assert!(
-            told(&text).contains("each row has one value, which its second cell names (IMU_GYRO_X")
-        );
+    fn a_table_with_one_value_in_each_row_and_no_known_time_is_refused() {
+        let row = |k: usize| format!("{k},gyro_{},0.{k}\n", ["x", "y", "z"][k % 3]);
+        let text = "cycle,signal,value\n".to_owned() + &(0..90).map(row).collect::<String>();
+        assert!(told(&text).contains("each row has one value, which its cell signal names"));
+    }
+
+    #[test]
+    fn a_heading_with_empty_cells_and_a_log_beside_a_receiver_are_sensors() {
+        let row = |k: usize| {
+            let t = k as f64 / 100.0;
+            let rest = match k % 10 {
+                0 => format!("{}.5,1,2,3,48.{k:05},11.5", 90 + k / 100),
+                _ => ",,,,,".to_owned(),
+            };
+            format!("{t:.2},0.0{},0.01,0.02,0.1,0.2,-9.8{},{rest}\n", k % 7, k % 9)
+        };
+        let head = "t,gx,gy,gz,ax,ay,az,ahrs/heading_deg,dvl/vx,dvl/vy,dvl/vz,lat,lon\n";
+        let found =
+            recognise(&(head.to_owned() + &(0..200).map(row).collect::<String>()), "").unwrap();
+        let kinds: Vec<&str> = found.iter().map(|f| f.kind).collect();
+        assert_eq!(kinds, ["imu", "dvl", "gnss", "dual-antenna"]);
+    }
+
+    #[test]
+    fn poses_are_a_receiver_and_an_attitude_too() {
+        let row = |k: usize| format!("{k},{}.1,1.5,{},48.{k:04},11.5,500\n", k % 3, 90 + k % 5);
+        let head = "t,Roll Angle (deg),Pitch Angle (deg),True Heading (deg),lat,lon,alt\n";
+        let found =
+            recognise(&(head.to_owned() + &(0..60).map(row).collect::<String>()), "").unwrap();
+        let apart: Vec<&str> = found[0].apart.iter().map(|f| f.kind).collect();
+        assert_eq!((found[0].kind, apart), ("reference", vec!["gnss", "attitude"]));
+        assert!(found[0].apart.iter().all(|f| f.source.iter().any(|key| key.starts_with("time"))));
+    }
+
+    #[test]
+    fn rows_that_are_counted_have_the_rate_above_the_table() {
+        let row = |k: usize| format!("{k},0.0{},0.01,0.02,0.1,0.2,-9.8{}\n", k % 7, k % 9);
+        let rows = (0..60).map(row).collect::<String>();
+        let text = format!("Device: X-3\nSample Rate: 50.0Hz\n\nSample,gx,gy,gz,ax,ay,az\n{rows}");
+        let key = "time = { column = \"Sample\", unit = \"20000*us\" }";
+        assert!(told(&text).contains(key), "{}", told(&text));
+        assert!(told(&text.replace("50.0Hz", "fast")).contains("Sample counts the rows"));
+    }
+
+    #[test]
+    fn a_value_has_the_meaning_of_its_file() {
+        let text = "time,entity,value (m)\n".to_owned()
+            + &(0..40).map(|k| format!("{k},e,{}.5\n", k % 5)).collect::<String>();
+        let found = recognise(&text, "Depth").unwrap().remove(0);
+        assert_eq!(found.kind, "depth");
+        assert!(recognise(&text, "Status").is_err());
     }
 
     #[test]

@@ -11,6 +11,8 @@ const DEGREE: f64 = RADIAN * PI / 180.0;
 const FASTEST: f64 = 350.0;
 /// Size of an angle against its usual change.
 const STEADY: f64 = 1e3;
+/// Distance, m, from latitude and longitude zero.
+const NOWHERE: f64 = 1e5;
 /// Largest height, m.
 const HIGHEST: f64 = 2e4;
 /// The channels of a position in the order of the columns.
@@ -73,6 +75,8 @@ pub fn order(seconds: &[f64], columns: &[Vec<f64>], first: usize) -> Option<[&'s
     let slow = |values: &[f64], metre: f64| speed(seconds, values) * metre < FASTEST;
     // a number that never changes is no angle of a vehicle that moves
     let changes = |values: &[f64]| values.iter().any(|v| *v != values[0]);
+    // where zeros and small numbers would be, no vehicle is
+    let nowhere = |values: &[f64]| within(values, NOWHERE / metre);
     let quaternion = (first..first + 3).any(|k| in_quaternion(columns, k));
     let fits = fractions(a)
         && fractions(b)
@@ -80,6 +84,7 @@ pub fn order(seconds: &[f64], columns: &[Vec<f64>], first: usize) -> Option<[&'s
         && steady(b)
         && changes(a) == changes(b)
         && !quaternion
+        && !(nowhere(a) && nowhere(b))
         && within(height, HIGHEST)
         && slow(a, metre)
         && slow(b, metre)

@@ -7,13 +7,10 @@ use super::vocabulary::{self, meaning, words};
 const NAMES: [&str; 8] =
     ["field", "signal", "variable", "channel", "name", "key", "parameter", "metric"];
 const VALUES: [&str; 2] = ["value", "reading"];
-/// Number of rows that are looked at, and the least number of names: two vectors.
-const ROWS: usize = 2000;
-const VECTOR: usize = 6;
 /// Brackets around the unit of a heading.
 const BRACKETS: [[char; 2]; 3] = [['[', ']'], ['(', ')'], ['{', '}']];
 
-/// The reason why a table is refused whose rows have one value each; `None` for other tables.
+/// The reason why a table without a known time is refused whose rows have one value each; `None` for other tables.
 pub fn one_value(text: &str) -> Option<String> {
     let titles = |line: &str| -> Option<String> {
         let cells: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
@@ -30,38 +27,7 @@ pub fn one_value(text: &str) -> Option<String> {
             )
         })
     };
-    text.lines().take(20).find_map(titles).or_else(|| of_names(text))
-}
-
-/// The same for a table without headings: a time, a name, perhaps who wrote it, and a number, as logs of MOOS have them.
-fn of_names(text: &str) -> Option<String> {
-    let lines =
-        text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with(['%', '#']));
-    let (mut count, mut fitting, mut names) = (0, 0, Vec::new());
-    for line in lines.take(ROWS) {
-        let cells: Vec<&str> = match line.contains([',', ';', '\t']) {
-            true => line.split([',', ';', '\t']).map(str::trim).collect(),
-            false => line.split_whitespace().collect(),
-        };
-        count += 1;
-        let number = |cell: Option<&&str>| cell.is_some_and(|c| navfuse_csv::number(c).is_some());
-        let name = cells.get(1).filter(|name| name.starts_with(|c: char| c.is_alphabetic()));
-        let Some(name) = name.filter(|_| (3..=4).contains(&cells.len())) else { continue };
-        if number(cells.first()) && number(cells.last()) {
-            fitting += 1;
-            if !names.contains(name) {
-                names.push(*name);
-            }
-        }
-    }
-    let all = fitting * 20 >= count * 19 && names.len() >= VECTOR;
-    all.then(|| {
-        let list = names.iter().take(10).copied().collect::<Vec<_>>().join(", ");
-        format!(
-            "each row has one value, which its second cell names ({list}): write a table whose rows have all \
-             values of a time, with `pivot` of pandas, or for a log of MOOS with alog2csv"
-        )
-    })
+    text.lines().take(20).find_map(titles)
 }
 
 impl Table<'_> {

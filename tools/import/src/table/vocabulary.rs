@@ -230,9 +230,10 @@ pub fn meaning(heading: &str) -> Option<Meaning> {
     let mut words = words(&name);
     words.dedup();
     let mut behind = (1..words.len()).take_while(|k| !OTHERS.contains(&words[k - 1].as_str()));
+    let path = name.contains(['.', '/']);
     let meaning = read(&words, stated.as_deref()).or_else(|| {
         behind.find_map(|k| {
-            let long = words[k..].concat().len() > 2;
+            let long = words[k..].concat().len() > 2 || (path && words[k..] == ["t"]);
             let meaning = read(&words[k..], stated.as_deref()).filter(|_| long)?;
             let follows = FOLLOWING.contains(&meaning.channel);
             follows.then_some(Meaning { rank: meaning.rank + BEHIND * k, ..meaning })

@@ -1,4 +1,4 @@
-//! Lines before the rows that resemble rows, and comments that describe the columns one by one.
+//! Lines before the rows that resemble rows, and headings of unusual forms.
 
 use super::{is_number, uncommented};
 
@@ -49,4 +49,28 @@ pub(super) fn described(before: &[&str], width: usize) -> Option<Vec<String>> {
     let found: Vec<(usize, String)> = before.iter().filter_map(heading).collect();
     let counts = found.iter().enumerate().all(|(k, (index, _))| k == *index);
     (found.len() == width && counts).then(|| found.into_iter().map(|(_, name)| name).collect())
+}
+
+/// Headings with the name of a vector over its first column and 1, 2 over the others, as gopro-telemetry writes them, with
+/// the name and the axis over each.
+pub(super) fn uncounted(headings: Vec<String>) -> Vec<String> {
+    let mut found = headings.clone();
+    for (first, name) in headings.iter().enumerate().filter(|(_, name)| !is_number(name)) {
+        let others = headings[first + 1..].iter().zip(1..).take_while(|(h, k)| h.parse() == Ok(*k));
+        match others.count() {
+            0 => {}
+            others => (0..=others).for_each(|k| found[first + k] = format!("{name} {k}")),
+        }
+    }
+    found
+}
+
+/// The rate in Hz of a line such as `# Sample Rate: 100.0Hz`.
+pub(super) fn rate(line: &str) -> Option<f64> {
+    let line = line.to_lowercase();
+    let (before, _) = line.split_once("hz")?;
+    let digits = |c: char| c.is_ascii_digit() || c == '.';
+    let number = before.trim_end().rsplit(|c| !digits(c)).next()?;
+    let named = ["rate", "freq", "sampl"].iter().any(|word| line.contains(word));
+    number.parse().ok().filter(|rate: &f64| named && *rate > 0.0 && rate.is_finite())
 }

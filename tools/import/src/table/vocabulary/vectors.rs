@@ -27,6 +27,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
             "angularspeed",
             "rate",
             "rates",
+            "pqr",
             "w",
             "g",
             "om",
@@ -61,7 +62,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
     (
         ["dtheta_x", "dtheta_y", "dtheta_z"],
         "rad",
-        &["dtheta", "deltatheta", "deltaangle", "dang", "dq", "oriinc"],
+        &["dtheta", "theta", "deltatheta", "deltaangle", "dang", "dq", "oriinc"],
     ),
     (
         ["dvel_x", "dvel_y", "dvel_z"],
@@ -115,10 +116,12 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
 ];
 
 /// Words for the axes of a vector, with the sign towards forward, right, down.
-pub const AXES: [(&str, usize, f64); 21] = [
+pub const AXES: [(&str, usize, f64); 22] = [
     ("x", 0, 1.0),
     ("y", 1, 1.0),
     ("z", 2, 1.0),
+    // the first of two vertical velocities of three and four beams
+    ("z1", 2, 1.0),
     // of the body
     ("xb", 0, 1.0),
     ("yb", 1, 1.0),
