@@ -108,12 +108,20 @@ fn smoothing(quality: &QualityReport) {
     quality.reconsidered.iter().for_each(|text| line(format_args!("reconsidered: {text}")));
 }
 
-/// Prints the reasons of the rejected samples, a line for each.
+/// Prints the reasons of the rejected samples, a line for each, and how many were used in part.
 fn rejected(summary: &Summary) {
     for (name, value) in &summary.samples {
         let reasons = value.get("rejected_for").and_then(serde_json::Value::as_object);
         for (reason, count) in reasons.into_iter().flatten() {
             line(format_args!("{name}: {count} rejected: {reason}"));
+        }
+        let of = |key: &str| value.get(key).and_then(serde_json::Value::as_u64).unwrap_or_default();
+        let outcomes = ["accepted", "placed", "gated", "rejected", "excluded"].map(of);
+        let in_part = outcomes.iter().sum::<u64>().saturating_sub(of("read"));
+        if in_part > 0 && value.get("accepted").is_some() {
+            line(format_args!(
+                "{name}: {in_part} of the gated and rejected samples were used in part: other channels passed"
+            ));
         }
     }
 }

@@ -61,6 +61,8 @@ pub(crate) struct PreparedSink {
 pub(crate) struct BuiltSensor {
     pub channels: Vec<Channel>,
     pub limits: Vec<Limit>,
+    /// Channels that are all zero where there is no measurement.
+    pub unset: &'static [&'static str],
     pub role: Role,
 }
 

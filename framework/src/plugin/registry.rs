@@ -118,9 +118,9 @@ impl Registry {
     pub fn sensor<S: SensorType>(&mut self) -> &mut Self {
         let make: ForComposer<BuiltSensor> = Box::new(|node, composer| {
             let config: S = node.parse()?;
-            let (channels, limits) = (config.channels(), config.limits());
+            let (channels, limits, unset) = (config.channels(), config.limits(), config.unset());
             let role = config.build(composer).map_err(|e| e.at(node))?;
-            Ok(BuiltSensor { channels, limits, role })
+            Ok(BuiltSensor { channels, limits, unset, role })
         });
         self.insert::<S>(Kind::Sensor, S::TYPE, Make::Sensor { make, input: S::INPUT });
         self
@@ -141,7 +141,7 @@ impl Registry {
         let keys = Keys::of(&schema);
         let make: ForComposer<BuiltSensor> = Box::new(move |node, composer| {
             let (channels, role) = build(&keys.table(node)?, composer).map_err(|e| e.at(node))?;
-            Ok(BuiltSensor { channels, limits: Vec::new(), role })
+            Ok(BuiltSensor { channels, limits: Vec::new(), unset: &[], role })
         });
         let make = Make::Sensor { make, input: false };
         self.insert_with(Kind::Sensor, name.into(), make, (|| true, move || schema.clone()));
@@ -159,7 +159,7 @@ impl Registry {
         let make: ForComposer<BuiltSensor> = Box::new(move |node, _| {
             keys.table(node)?;
             let role = Role::Input(Box::new(input.clone()));
-            Ok(BuiltSensor { channels: channels.clone(), limits: Vec::new(), role })
+            Ok(BuiltSensor { channels: channels.clone(), limits: Vec::new(), unset: &[], role })
         });
         let make = Make::Sensor { make, input: true };
         self.insert_with(Kind::Sensor, name.into(), make, (|| true, move || schema.clone()));

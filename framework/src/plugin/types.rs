@@ -62,6 +62,11 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
     fn limits(&self) -> Vec<Limit> {
         Vec::new()
     }
+    /// Channels that are all exactly zero where the instrument has no measurement, such as latitude and
+    /// longitude of a receiver without a fix. Such a sample is rejected. Default: none.
+    fn unset(&self) -> &'static [&'static str] {
+        &[]
+    }
     /// Adds its states and returns its model.
     ///
     /// # Errors

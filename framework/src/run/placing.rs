@@ -44,6 +44,8 @@ pub(super) fn place_sensor(
     }
     let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
         .map_err(|e| e.at(&part.node))?;
+    let unset = built.unset.iter().filter_map(|name| limits::place(name, &built.channels));
+    let unset = unset.fold(0, |mask, channel| mask | 1 << channel);
     let conversion = keys.samples.as_ref().map(|samples| samples.resolve(&built.channels));
     let conversion = conversion.transpose().map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
@@ -76,6 +78,7 @@ pub(super) fn place_sensor(
         adaptive_noise: keys.adaptive_noise,
         update,
         limits,
+        unset,
         timeout: keys.timeout.map(|t| t.value().si()),
         late,
         delay: keys.delay,

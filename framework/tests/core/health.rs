@@ -1,7 +1,7 @@
 //! The health of a sensor over time: what a finding about it changes, and until when.
 
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
-use navfuse_core::model::record::health::{Health, Judged, Judgement, Lane};
+use navfuse_core::model::record::health::{Health, Judged, Judgement, Lane, Stretch};
 use navfuse_core::units::time::Time;
 
 fn time(seconds: i64) -> Time {
@@ -25,8 +25,7 @@ fn lane_of(finding: &Finding, sample: impl Fn(i64) -> (Health, f64)) -> Vec<(Hea
             lane.doubt(&Finding { time: time(k), ..finding.clone() });
         }
     }
-    // before its first sample the sensor is silent
-    lane.begun(1).map(|(health, from)| (health, from.seconds())).collect()
+    lane.begun(0).map(|(health, from)| (health, from.seconds())).collect()
 }
 
 /// Refused from 20 to 59 s. The 25 samples from 60 to 84 s agree, and the doubt ends with the last
@@ -58,4 +57,27 @@ fn samples_that_are_off_or_refused_in_between_do_not_remove_a_doubt() {
         _ => (Used, 1.0),
     });
     assert_eq!(once, [(Used, 0.0), (Doubted, 40.0), (Used, 75.0)]);
+}
+
+/// A sensor begins with its first sample, and one that has none for 5 s with a silence.
+#[test]
+fn a_lane_begins_with_its_first_sample_or_with_a_silence() {
+    let begun = |lane: &Lane| -> Vec<(Health, f64)> {
+        lane.begun(0).map(|(health, from)| (health, from.seconds())).collect()
+    };
+    let used = Judged { time: time(3), health: Health::Used, present: 1, innovation: None };
+    let mut soon = Lane::default();
+    soon.tick(time(0));
+    assert_eq!(begun(&soon), []);
+    soon.update(&used);
+    assert_eq!(begun(&soon), [(Health::Used, 3.0)]);
+    let mut late = Lane::default();
+    (1..9).for_each(|k| late.tick(time(k)));
+    late.update(&Judged { time: time(9), ..used });
+    assert_eq!(begun(&late), [(Health::Silent, 1.0), (Health::Used, 9.0)]);
+    let mut never = Lane::default();
+    never.tick(time(0));
+    never.finish(time(2));
+    let silent = Stretch { health: Health::Silent, from: time(0), to: time(2) };
+    assert_eq!(never.stretches, [silent]);
 }

@@ -76,12 +76,17 @@ impl SensorLane {
         self.write(recording)
     }
 
-    /// Adds a sample; of a measuring sensor the outcome counts instead.
-    pub fn sample(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
+    /// Adds a sample; of a measuring sensor the outcome counts instead. `used` once the filter runs.
+    pub fn sample(
+        &mut self,
+        recording: &Recording,
+        time: Time,
+        used: bool,
+    ) -> Result<(), StreamError> {
         if !self.drives {
             return Ok(());
         }
-        self.outcomes.accepted += 1;
+        self.outcomes.accepted += u64::from(used);
         self.lane.sample(time);
         self.write(recording)
     }

@@ -284,7 +284,10 @@ impl RerunSink {
             track.body(body, sample);
         }
         match places.lane {
-            Some(lane) => run.lanes[lane].sample(&self.recording, sample.time),
+            Some(lane) => {
+                // until the first epoch the filter is aligned, and takes no sample
+                run.lanes[lane].sample(&self.recording, sample.time, self.last.is_some())
+            }
             None => Ok(()),
         }
     }

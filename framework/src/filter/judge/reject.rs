@@ -77,6 +77,7 @@ impl Ekf {
                 };
                 format!("sample rejected: channel {name} = {value} {why} its limits")
             }
+            Rejection::Unset => "sample rejected: zero in place of a measurement".to_owned(),
             Rejection::Repeated => {
                 "sample rejected: it repeats earlier samples while the vehicle moves".to_owned()
             }

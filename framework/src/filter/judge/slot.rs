@@ -132,6 +132,9 @@ impl SensorSlot {
         if sensor.excludes(sample.time) {
             return Some(Rejection::Excluded);
         }
+        if sensor.is_unset(sample) {
+            return Some(Rejection::Unset);
+        }
         self.implausible(sample)
     }
 

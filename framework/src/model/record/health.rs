@@ -12,6 +12,8 @@ use std::collections::VecDeque;
 /// Number of latest samples whose majority is the health of a sensor: a single outlier does not
 /// interrupt the lane.
 const MAJORITY: usize = 9;
+/// Shortest silence at the begin of a lane, s: until then its first sample is waited for.
+const FIRST_SILENCE: f64 = 5.0;
 /// Probability at which a consistent sensor appears as too noisy: once in a million windows.
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
@@ -157,6 +159,8 @@ pub struct Lane {
     /// Finished stretches.
     pub stretches: Vec<Stretch>,
     current: Option<(Health, Time)>,
+    /// Time of the first call.
+    first: Option<Time>,
     /// Time of the first finding about the sensor.
     doubted: Option<Time>,
     doubt: Option<Doubt>,
@@ -193,10 +197,16 @@ impl Lane {
         more.iter().map(|s| (s.health, s.from)).chain(current)
     }
 
-    /// Notes the time, and with it a silence. The first call begins the lane.
+    /// Notes the time, and with it a silence. The lane begins with its first sample, or with a silence from
+    /// the first call on.
     pub fn tick(&mut self, now: Time) {
         match (self.current, self.last) {
-            (None, None) => self.change(Health::Silent, now),
+            (None, None) => {
+                let first = *self.first.get_or_insert(now);
+                if now.since(first) >= FIRST_SILENCE {
+                    self.change(Health::Silent, first);
+                }
+            }
             (Some((health, _)), Some(last)) if health != Health::Silent => {
                 let Some(usual) = self.rhythm.usual() else { return };
                 if now.since(last) > self.rhythm.patience() {
@@ -267,6 +277,9 @@ impl Lane {
 
     /// Ends the last stretch.
     pub fn finish(&mut self, end: Time) {
+        if self.last.is_none() {
+            self.current = self.current.or(self.first.map(|first| (Health::Silent, first)));
+        }
         if let Some((health, from)) = self.current.take() {
             self.stretches.push(Stretch { health, from, to: end.max(from) });
         }

@@ -37,6 +37,8 @@ pub enum Rejection {
     Repeated,
     /// The channel is outside its plausible range.
     OutOfRange(usize),
+    /// The channels that stand for no measurement where all are zero are zero.
+    Unset,
     /// The channel changed faster than is plausible.
     TooFast(usize),
     /// The scenario excludes samples of this time.
@@ -58,6 +60,7 @@ saved!(
         Isolated,
         Repeated,
         OutOfRange(channel),
+        Unset,
         TooFast(channel),
         Excluded,
         Absent,
@@ -79,6 +82,7 @@ impl Rejection {
             Self::Isolated => "the sensor is isolated".into(),
             Self::Repeated => "repeats the samples before".into(),
             Self::OutOfRange(i) => format!("{} is out of range", column(i)),
+            Self::Unset => "zero in place of a measurement".into(),
             Self::TooFast(i) => format!("{} changes too fast", column(i)),
             Self::Excluded => "the scenario excludes this time".into(),
             Self::Absent => "observes an absent state".into(),

@@ -16,7 +16,7 @@ use crate::model::sensor::rule::UpdateRule;
 use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
-use crate::units::sample::{Channel, MAX_CHANNELS, Sample};
+use crate::units::sample::{Channel, MAX_CHANNELS, Sample, channels};
 use crate::units::time::{Span, Time};
 use std::any::Any;
 use std::sync::Arc;
@@ -153,6 +153,8 @@ pub struct Sensor {
     pub update: UpdateRule,
     /// Plausible values, each with the index of its channel.
     pub limits: Vec<(usize, Limit)>,
+    /// Channels that are all zero where there is no measurement, one bit each.
+    pub unset: u16,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
     /// Longest time from a sample to its arrival; `None` where samples arrive in order.
@@ -197,6 +199,7 @@ impl Sensor {
             adaptive_noise: false,
             update: UpdateRule::default(),
             limits: Vec::new(),
+            unset: 0,
             timeout: None,
             late: None,
             delay: None,
@@ -221,6 +224,11 @@ impl Sensor {
         let measured = sample.present() & ((1_u32 << model.channels()) - 1) as u16;
         let marked = sample.present() != 0 && measured == 0;
         marked && !self.clones.is_empty() && model.keyframe(sample)
+    }
+
+    /// Returns `true` if the sample is the zero that stands for no measurement.
+    pub(crate) fn is_unset(&self, sample: &Sample) -> bool {
+        self.unset != 0 && channels(self.unset).all(|channel| sample.get(channel) == Some(0.0))
     }
 
     /// Returns `true` if the scenario excludes the sensor's samples of this time.

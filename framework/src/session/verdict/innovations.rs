@@ -79,6 +79,9 @@ pub(crate) struct SensorStatistics {
     minutes: u64,
     worst: Option<Minute>,
     gated: u64,
+    /// Time of the last refused sample, and the number of those of which other channels were used.
+    refused: Option<Time>,
+    in_part: u64,
     /// Start, end and length of the current and of the longest streak of gated samples.
     streak: Streak,
     longest: Streak,
@@ -89,7 +92,7 @@ pub(crate) struct SensorStatistics {
 }
 
 saved!(SensorStatistics {
-    whole, memory, begin, minute, minutes, worst, gated, streak, longest, expected_gated, faulty,
+    whole, memory, begin, minute, minutes, worst, gated, refused, in_part, streak, longest, expected_gated, faulty,
 } each {
     channels,
 } except {
@@ -109,6 +112,8 @@ impl SensorStatistics {
             minutes: 0,
             worst: None,
             gated: 0,
+            refused: None,
+            in_part: 0,
             streak: Streak::default(),
             longest: Streak::default(),
             expected_gated: 0.0,
@@ -135,14 +140,18 @@ impl SensorStatistics {
                 | Rejection::TooFast(_),
             ) => self.faulty += 1,
             // it contradicts the filter like a gated sample; the filter reports it as a finding
-            Outcome::Rejected(Rejection::Isolated) => self.gated += 1,
+            Outcome::Rejected(Rejection::Isolated) => self.refuse(update.time),
             // a missing channel and a silent driving sensor make no sigma wrong
             Outcome::Rejected(
-                Rejection::Missing | Rejection::NoInput | Rejection::Excluded | Rejection::Absent,
+                Rejection::Missing
+                | Rejection::Unset
+                | Rejection::NoInput
+                | Rejection::Excluded
+                | Rejection::Absent,
             )
             | Outcome::Placed => {}
             Outcome::Gated => {
-                self.gated += 1;
+                self.refuse(update.time);
                 self.streak.add(update.time);
                 if self.streak.count > self.longest.count {
                     self.longest = self.streak;
@@ -150,12 +159,18 @@ impl SensorStatistics {
                 self.expected_gated += chance(&mut self.chances[m]).gated;
             }
             Outcome::Accepted => {
+                self.in_part += u64::from(self.refused == Some(update.time));
                 let chance = chance(&mut self.chances[m]);
                 self.expected_gated += chance.gated;
                 self.streak = Streak::default();
                 self.accepted(update, &chance);
             }
         }
+    }
+
+    fn refuse(&mut self, time: Time) {
+        self.gated += 1;
+        self.refused = Some(time);
     }
 
     fn accepted(&mut self, update: &UpdateRecord<'_>, chance: &Chance) {
@@ -264,10 +279,12 @@ impl SensorStatistics {
                 Criterion::Gated,
                 severity,
                 &self.name,
+                // a sample of which other channels were used counts once
                 format!(
-                    "{} of {measured} samples were refused ({:.0} %; {:.1} expected)",
+                    "{} of {} samples were refused ({:.0} %; {:.1} expected)",
                     self.gated,
-                    100.0 * share,
+                    measured - self.in_part,
+                    100.0 * self.gated as f64 / (measured - self.in_part) as f64,
                     self.expected_gated
                 ),
                 "look at its noise, mounting, clock and units, and at the noise of the driving \

@@ -179,6 +179,7 @@ fn rejection(why: Rejection) -> &'static str {
         Rejection::Isolated => "rejected_isolated",
         Rejection::Repeated => "rejected_repeated",
         Rejection::OutOfRange(_) => "rejected_out_of_range",
+        Rejection::Unset => "rejected_unset",
         Rejection::TooFast(_) => "rejected_too_fast",
         Rejection::Excluded => "excluded",
         Rejection::Absent => "rejected_absent",

@@ -121,6 +121,11 @@ impl SensorType for Gnss {
         ]
     }
 
+    // receivers output 0 N 0 E before their first fix, some with a valid status
+    fn unset(&self) -> &'static [&'static str] {
+        &["lat", "lon"]
+    }
+
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let turns = self.velocity_noise.is_some() && self.lever_arm != LeverArm::default();
         let model = GnssModel {

@@ -345,3 +345,27 @@ fn a_fix_off_the_earth_is_refused() {
     // from the deepest trench to the satellites
     assert!(limit("height").is_some_and(|(low, high)| low < -11e3 && high > 1e7 && high < 1e8));
 }
+
+/// Receivers output 0 N 0 E until their first fix, some with a valid status: 5 s of it from the start, or
+/// in the middle of the run. Where the fault is simulated, the error is 8000 km.
+#[test]
+fn zero_north_zero_east_is_no_fix() {
+    for span in ["from = \"0 s\", to = \"5 s\"", "from = \"100 s\", to = \"105 s\""] {
+        let faults = format!(
+            "sensor.gnss.simulation.faults=[{{ type = \"stuck\", size = 0, {span}, channels = [\"lat\", \"lon\"] }}]"
+        );
+        let summary = run(&[&faults]).summary;
+        let gnss = &summary.samples["gnss"];
+        let unset = gnss["rejected_for"]["zero in place of a measurement"].as_u64();
+        assert!(unset.is_some_and(|count| (9..=11).contains(&count)), "{gnss}");
+        assert!(gnss["gated"].as_u64().is_some_and(|gated| gated < 5), "{gnss}");
+        let position = summary.rows.iter().find(|r| r.name == "ins.position").expect("a position");
+        let error = position.error.as_ref().expect("a reference");
+        let sizes = (0..3).map(|k| error[k] / position.sigma[k]);
+        assert!(
+            sizes.fold(0.0, |a, b: f64| a.max(b.abs())) < 4.0,
+            "{error:?} {:?}",
+            position.sigma
+        );
+    }
+}
