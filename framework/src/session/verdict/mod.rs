@@ -170,7 +170,9 @@ impl Judge {
             .filter(|f| !misled || of_the_driver(&f.about));
         let refused = self.the_refused_sensor();
         let (late, mut timely): (Vec<&Finding>, Vec<&Finding>) =
-            explanations.copied().partition(|explanation| misses(explanation, refused, findings));
+            explanations.copied().partition(|explanation| {
+                misses(explanation, refused, findings) || is_refuted(explanation, findings)
+            });
         // an error that goes on makes the filter contradict healthy sensors too, later
         timely.sort_by_key(|explanation| explanation.time);
         report.reasons.extend(timely.into_iter().map(|f| found(f, driver)));
@@ -228,6 +230,20 @@ fn misses(explanation: &Finding, refused: Option<&str>, findings: &[Finding]) ->
     };
     refused.is_some_and(|sensor| sensor != explanation.about)
         && findings.iter().any(|before| contradicted(&before))
+}
+
+/// True for an error after whose explanation the filter loses a sensor again that it had contradicted before:
+/// an explanation ends the contradiction.
+fn is_refuted(explanation: &Finding, findings: &[Finding]) -> bool {
+    let others = |f: &&Finding| f.basis == Basis::Comparison && f.about != explanation.about;
+    let again = |before: &Finding| {
+        findings.iter().filter(others).any(|later| {
+            later.about == before.about
+                && later.time > explanation.time
+                && later.severity == Severity::DoNotUse
+        })
+    };
+    findings.iter().filter(others).any(|f| f.time < explanation.time && again(f))
 }
 
 /// The findings, without the doubt that an error of one sensor cast on others before it was explained and

@@ -194,6 +194,27 @@ fn a_doubt_before_the_error_of_another_sensor_was_contained_is_none() {
     assert_eq!(severity("imu", 40.0, Severity::DoNotUse), Severity::DoNotUse);
 }
 
+/// A DVL that is a second late is locked out, the turns look like a bias of the gyro, and the DVL is locked
+/// out again: the bias explains nothing. One after which the DVL agrees is the cause.
+#[test]
+fn an_error_after_which_the_sensor_is_lost_again_is_no_cause() {
+    let finding = |time: i64, about: &str, severity, basis| Finding {
+        time: Time::from_nanos(time * 1_000_000_000),
+        about: about.to_owned(),
+        severity,
+        basis,
+        ..Finding::default()
+    };
+    let findings = [
+        finding(55, "dvl", Severity::Contained, Basis::Comparison),
+        finding(311, "imu", Severity::DoNotUse, Basis::Explanation),
+        finding(356, "dvl", Severity::DoNotUse, Basis::Comparison),
+    ];
+    let first = |findings: &[Finding]| corrected(0.0, findings).reasons[0].about.clone();
+    assert_eq!(first(&findings), "dvl");
+    assert_eq!(first(&findings[..2]), "imu");
+}
+
 /// The accelerations show that one of two is turned, the senses which one.
 #[test]
 fn a_part_that_contradicts_physics_comes_before_a_pair_of_which_one_does() {
