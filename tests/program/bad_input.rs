@@ -2,7 +2,7 @@
 //! value and remedy.
 
 use crate::common::recording::Recording;
-use crate::common::{Need, command, navfuse, skip, stderr, stdout};
+use crate::common::{Need, command, navfuse, root, skip, stderr, stdout};
 use serde_json::json;
 use std::process::Output;
 
@@ -140,6 +140,19 @@ fn a_setting_that_does_not_fit_is_named_as_such() {
     let recording = Recording::new();
     let output = run(&recording, &["--set", "sensor.dvl.noise=2 bar"]);
     fails_with(&output, &["--set sensor.dvl.noise", "2 bar", "pressure", "speed"]);
+}
+
+#[test]
+fn a_segment_that_does_not_fit_is_named_with_its_own_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long-turns.toml");
+    let quickstart = std::fs::read_to_string(root().join("scenarios/quickstart.toml")).unwrap();
+    let text = quickstart.replace("\nturn = \"20 s\"", "\nturn = \"200 s\"");
+    let line = text.lines().position(|l| l.starts_with("turn = ")).unwrap() + 1;
+    std::fs::write(&path, text).unwrap();
+    let place = format!("long-turns.toml:{line}: source.simulation.segments.3.turn");
+    let output = navfuse(&["run", path.to_str().unwrap(), "--no-output"]);
+    fails_with(&output, &[&place, "segment 4 (`square`): four turns leave nothing of 480 s"]);
 }
 
 #[test]

@@ -62,6 +62,19 @@ impl<'a> Node<'a> {
         Some(self.below(key, value))
     }
 
+    /// The value at a path of keys and indices, or the last one above it that is there, with the first key that is
+    /// not.
+    pub(crate) fn reach<'k>(&self, path: &'k str) -> (Self, Option<&'k str>) {
+        let mut place = self.clone();
+        for key in path.split('.').filter(|key| !key.is_empty()) {
+            match place.get(key) {
+                Some(inner) => place = inner,
+                None => return (place, Some(key)),
+            }
+        }
+        (place, None)
+    }
+
     /// The keys of a table and their values, in the order in which they are written.
     ///
     /// # Errors

@@ -19,13 +19,9 @@ impl ComposeError {
 
     /// Adds the place in the document.
     pub(crate) fn at(&self, node: &Node<'_>) -> DocumentError {
-        let mut place = node.clone();
-        for key in self.key.split('.').filter(|k| !k.is_empty()) {
-            match place.get(key) {
-                Some(inner) => place = inner,
-                None => return place.error(format!("{key}: {}", self.message)),
-            }
+        match node.reach(&self.key) {
+            (place, None) => place.error(&self.message),
+            (place, Some(key)) => place.error(format!("{key}: {}", self.message)),
         }
-        place.error(&self.message)
     }
 }

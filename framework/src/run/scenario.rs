@@ -211,7 +211,7 @@ impl<'a> Scenario<'a> {
         for part in &links {
             let Make::Link { prepare } = &part.entry.make else { continue };
             let node = part.own_keys();
-            let feed = prepare(&node)?(&context).map_err(|e| node.error(e))?;
+            let feed = prepare(&node)?(&context).map_err(|e| e.at(&node))?;
             feeds.push((part.name.to_owned(), feed));
         }
         let sinks = self.open_sinks(&context, output)?;
@@ -334,7 +334,7 @@ fn open_sources(
     for part in parts {
         let Make::Source { prepare, .. } = &part.entry.make else { continue };
         let node = part.own_keys();
-        let streams = prepare(&node)?(context).map_err(|e| node.error(e))?;
+        let streams = prepare(&node)?(context).map_err(|e| e.at(&node))?;
         sources.extend(streams.into_iter().map(|s| (part.name.to_owned(), s)));
     }
     Ok(sources)

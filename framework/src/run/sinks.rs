@@ -80,7 +80,7 @@ pub(crate) fn open(
         .map_err(|source| FolderError::Keep { path: context.output.clone(), source })?;
     let mut open = Vec::new();
     for Prepared { name, node, sink } in sinks {
-        let sink = (sink.open)(context).map_err(|e| node.error(e))?;
+        let sink = (sink.open)(context).map_err(|e| e.at(&node))?;
         open.push((name.to_owned(), sink));
     }
     Ok(open)

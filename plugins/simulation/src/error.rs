@@ -52,3 +52,26 @@ pub enum TrajectoryError {
         unit: &'static str,
     },
 }
+
+impl TrajectoryError {
+    /// Path of the key below the table of the source, with the place of a segment from 0.
+    pub(crate) fn key(&self) -> String {
+        match self {
+            Self::Empty => "segments".to_owned(),
+            Self::Segment { number, key, .. } => format!("segments.{}.{key}", number - 1),
+            Self::Start { key, .. } => format!("start.{key}"),
+            Self::Reach { number, .. } => format!("segments.{}", number - 1),
+        }
+    }
+
+    /// What is wrong, beside the key and its value.
+    pub(crate) fn message(&self) -> String {
+        match self {
+            Self::Segment { number, kind, remedy, .. } => {
+                format!("segment {number} (`{kind}`): {remedy}")
+            }
+            Self::Start { limit, .. } => format!("give a value within {limit}"),
+            Self::Empty | Self::Reach { .. } => self.to_string(),
+        }
+    }
+}

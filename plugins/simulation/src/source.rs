@@ -43,7 +43,7 @@ impl SourceType for Simulation {
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let config = TrajectoryConfig { start: self.start, segments: self.segments };
         let trajectory = Trajectory::new(&config)
-            .map_err(|e| StreamError::scenario(e.to_string()).with_source(e))?;
+            .map_err(|e| StreamError::scenario(e.message()).at_key(e.key()).with_source(e))?;
         let sensors = context.composition.sensors.len();
         let ideal = context.shared.as_ref().map(|shared| {
             let made = || Ideal::new(trajectory.clone(), sensors);

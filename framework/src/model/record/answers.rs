@@ -151,6 +151,9 @@ impl Verdict {
             (Truth::TooSmall, Some(reason)) => {
                 format!("{}: {}", reason.about, reason.criterion.words())
             }
+            (Truth::True, _) if self.reasons.iter().any(|r| r.criterion == Criterion::Ended) => {
+                "until the run ended".to_owned()
+            }
             // a note on a noise that is stated too small has a size of 1.2 at most
             (Truth::True, _) if noisy() => "to 20 %".to_owned(),
             (Truth::TooLarge, _) => "on the safe side".to_owned(),
@@ -262,6 +265,11 @@ mod tests {
         assert_eq!(
             (answers.usable, answers.because.as_str()),
             (Usable::No, "run: the run ended early")
+        );
+        let answers = verdict(&[(Criterion::Ended, Severity::DoNotUse, "run", "")]);
+        assert_eq!(
+            (answers.sigma, answers.sigma_because.as_str()),
+            (Truth::True, "until the run ended")
         );
     }
 

@@ -1,5 +1,6 @@
 //! The error of sources and sinks: its kind, its place, its message and its cause.
 
+use crate::document::{DocumentError, Node};
 use crate::files::has_to_stay;
 use std::error::Error;
 use std::fmt;
@@ -216,6 +217,18 @@ impl StreamError {
     pub fn with_source(mut self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         self.0.source = Some(cause.into());
         self
+    }
+
+    /// Adds the place in the document: that of the key where the error has one.
+    pub(crate) fn at(&self, node: &Node<'_>) -> DocumentError {
+        let StreamPlace { sensor, key, path, line } = self.place();
+        match key.as_deref().map(|key| node.reach(key)) {
+            Some((place, None)) if sensor.is_none() && path.is_none() && line.is_none() => {
+                place.error(self.message())
+            }
+            Some((place, _)) => place.error(self),
+            None => node.error(self),
+        }
     }
 
     /// The kind.
