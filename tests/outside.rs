@@ -26,6 +26,9 @@ fn cargo(folder: &Path, arguments: &[&str]) -> Output {
         .args(arguments)
         .current_dir(folder)
         .env("CARGO_TARGET_DIR", root().join("target/outside"))
+        // most of the time is the build: no debug information, and the rest of navfuse not optimised
+        .env("CARGO_PROFILE_DEV_DEBUG", "false")
+        .env("CARGO_PROFILE_DEV_OPT_LEVEL", "0")
         .output()
         .expect("cargo starts");
     assert!(

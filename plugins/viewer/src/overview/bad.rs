@@ -66,9 +66,11 @@ pub fn write(
     page.push_str("\n**Which sensor was bad, and when?** ");
     let off: Vec<String> = lanes.iter().filter_map(|lane| off(lane, now)).collect();
     if lines.is_empty() {
-        page.push_str(match off.is_empty() {
-            true => "None was gated, rejected or doubted for longer than a second.",
-            false => "None.",
+        let refused = |lane: &SensorLane| lane.outcomes.gated + lane.outcomes.all_rejected();
+        page.push_str(match (off.is_empty(), lanes.iter().map(refused).sum::<u64>()) {
+            (false, _) => "None.",
+            (true, 0) => "None: no sample was gated or rejected.",
+            (true, _) => "None for longer than a second: single samples were gated or rejected.",
         });
         let others =
             verdict.map(|verdict| parts_without_a_lane(lanes, verdict)).unwrap_or_default();
@@ -361,7 +363,7 @@ mod tests {
             [lane("gnss", Purpose::Measurement, &[(Health::Silent, 9), (Health::Used, 630)])];
         let silent = "Silent, which is no fault by itself: **gnss** 0–9 s.";
         let note = lines(&lanes, &[reason(Criterion::Nis, Severity::Note, "gnss")]);
-        assert!(note[0].contains("None was gated"), "{note:?}");
+        assert!(note[0].contains("None: no sample was gated"), "{note:?}");
         assert_eq!(note[1..], [silent]);
         let doubt = lines(&lanes, &[reason(Criterion::Drift, Severity::Doubtful, "gnss")]);
         assert_eq!(doubt[1..], ["- **gnss**, over the run (see the verdict)", silent]);

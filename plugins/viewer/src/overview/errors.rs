@@ -108,7 +108,7 @@ impl Errors {
             _ => format!(" ({})", self.named(blocks)),
         };
         let chance = if wrong > 0 && !self.contradict() {
-            ", which chance explains where errors last"
+            "; a slow state stays outside for long, and chance explains that many"
         } else {
             ""
         };
@@ -190,11 +190,12 @@ pub fn states(run: &Run) -> String {
         all
     };
     others.retain(|place| !shown.contains(place));
+    let all = shown.len() + others.len();
     let corrected: usize = run.corrected.iter().map(|block| block.components.len()).sum();
     shown.extend(others.into_iter().take(STATES.saturating_sub(corrected)));
     let [error, largest] = match run.simulated {
-        true => ["error ± sigma", "largest (sigmas)"],
-        false => ["difference ± sigma", "largest (of both)"],
+        true => ["error ± sigma", "worst (sigmas)"],
+        false => ["difference ± sigma", "worst (sigmas of both)"],
     };
     let mut page = String::new();
     write_corrected(&mut page, &run.corrected);
@@ -237,6 +238,10 @@ pub fn states(run: &Run) -> String {
     };
     if shown.iter().any(marked) {
         let _ = writeln!(page, "\n**!** beyond {NEVER} sigma: chance makes no error that large.");
+    }
+    if shown.len() < all {
+        let others = if known { "the worst others" } else { "those that converged least" };
+        let _ = writeln!(page, "\nThe position and {others}: {} of {all} states.", shown.len());
     }
     page
 }

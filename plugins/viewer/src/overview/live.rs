@@ -59,6 +59,10 @@ fn write_now(page: &mut String, run: &Run) {
             .filter_map(|lane| Some((lane, lane.lane.current().filter(|c| c.0 == health)?)))
             .map(|(lane, (_, since))| match health {
                 Health::Used => format!("**{}**", lane.name),
+                // its first stretch goes on
+                Health::Silent if lane.lane.stretches.is_empty() => {
+                    format!("**{}** (no sample yet)", lane.name)
+                }
                 _ => format!("**{}** since {:.0} s", lane.name, since.seconds()),
             })
             .collect();
@@ -105,6 +109,7 @@ mod tests {
             mounting: Default::default(),
         };
         let mut lane = SensorLane::new(&info)?;
+        lane.lane.tick(time(0));
         (0..=until).for_each(|k| lane.lane.sample(time(k)));
         lane.lane.tick(time(now));
         Some(lane)
@@ -117,7 +122,7 @@ mod tests {
             blocks: Vec::new(),
             sensors: Vec::new(),
             samples: Vec::new(),
-            lanes: [("imu", 90), ("gnss", 20)]
+            lanes: [("imu", 90), ("gnss", 20), ("usbl", -1)]
                 .into_iter()
                 .filter_map(|(name, until)| lane(name, until, 90))
                 .collect(),
@@ -139,7 +144,7 @@ mod tests {
     fn the_headline_has_the_verdict_so_far_and_since_when_and_what_is_silent_now() {
         let mut page = String::new();
         write(&mut page, "dive", &run(Vec::new()), time(90));
-        let silent = "Now silent: **gnss** since 21 s · used: **imu**.\n";
+        let silent = "Now silent: **gnss** since 21 s, **usbl** (no sample yet) · used: **imu**.\n";
         let usable = "Usable: **yes** · look at: **nothing**";
         assert_eq!(page, format!("# dive: no fault found so far, at 90 s\n\n{usable}\n\n{silent}"));
         let finding = |seconds, about: &str, severity| Finding {
