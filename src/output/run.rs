@@ -115,12 +115,9 @@ fn rejected(summary: &Summary) {
         for (reason, count) in reasons.into_iter().flatten() {
             line(format_args!("{name}: {count} rejected: {reason}"));
         }
-        let of = |key: &str| value.get(key).and_then(serde_json::Value::as_u64).unwrap_or_default();
-        let outcomes = ["accepted", "placed", "gated", "rejected", "excluded"].map(of);
-        let in_part = outcomes.iter().sum::<u64>().saturating_sub(of("read"));
-        if in_part > 0 && value.get("accepted").is_some() {
+        if let Some(count) = value.get("used_in_part") {
             line(format_args!(
-                "{name}: {in_part} of the gated and rejected samples were used in part: other channels passed"
+                "{name}: {count} gated or rejected samples were used in part, by other channels"
             ));
         }
     }

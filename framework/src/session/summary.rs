@@ -99,10 +99,13 @@ struct Counts {
     read: u64,
     outcomes: Outcomes,
     excluded: u64,
+    /// Time of the last refused sample, and the number of those of which other channels were used.
+    refused: Option<Time>,
+    in_part: u64,
     nis: f64,
 }
 
-saved!(Counts { read, outcomes, excluded, nis });
+saved!(Counts { read, outcomes, excluded, refused, in_part, nis });
 
 impl Counts {
     /// Counts a sample that the filter did not use.
@@ -192,8 +195,13 @@ impl Statistics {
             Outcome::Rejected(why) => counts.unused(why),
             outcome => counts.outcomes.add(outcome),
         }
-        if update.outcome == Outcome::Accepted {
-            counts.nis += update.nis;
+        match update.outcome {
+            Outcome::Accepted => {
+                counts.nis += update.nis;
+                counts.in_part += u64::from(counts.refused == Some(update.time));
+            }
+            Outcome::Gated | Outcome::Rejected(_) => counts.refused = Some(update.time),
+            Outcome::Placed => {}
         }
     }
 
@@ -318,6 +326,9 @@ impl Statistics {
             };
             if rejected > 0 {
                 value["rejected_for"] = c.rejected_for(&sensor.info.channels);
+            }
+            if c.in_part > 0 {
+                value["used_in_part"] = json!(c.in_part);
             }
             if placed > 0 {
                 value["placed"] = json!(placed);

@@ -232,18 +232,19 @@ fn misses(explanation: &Finding, refused: Option<&str>, findings: &[Finding]) ->
         && findings.iter().any(|before| contradicted(&before))
 }
 
-/// True for an error after whose explanation the filter loses a sensor again that it had contradicted before:
-/// an explanation ends the contradiction.
+/// True for an error of another part than a sensor that the evidence was against before, and that the filter
+/// loses again after the explanation: an error that is contained ends the contradiction.
 fn is_refuted(explanation: &Finding, findings: &[Finding]) -> bool {
-    let others = |f: &&Finding| f.basis == Basis::Comparison && f.about != explanation.about;
-    let again = |before: &Finding| {
-        findings.iter().filter(others).any(|later| {
-            later.about == before.about
-                && later.time > explanation.time
-                && later.severity == Severity::DoNotUse
-        })
+    let compared = |severity: Severity| {
+        let other = move |f: &&Finding| {
+            (f.basis, f.severity) == (Basis::Comparison, severity) && f.about != explanation.about
+        };
+        findings.iter().filter(other)
     };
-    findings.iter().filter(others).any(|f| f.time < explanation.time && again(f))
+    let lost = |sensor: &str| {
+        compared(Severity::DoNotUse).any(|f| f.about == sensor && f.time > explanation.time)
+    };
+    compared(Severity::Contained).any(|f| f.time < explanation.time && lost(&f.about))
 }
 
 /// The findings, without the doubt that an error of one sensor cast on others before it was explained and
