@@ -6,6 +6,10 @@ use crate::history::Row;
 
 /// Share of the run at its end that has plots of its own.
 const END: f64 = 0.25;
+/// Largest number of labels on the time axis of a narrow plot, of some 340 pixels.
+const LABELS: f64 = 6.0;
+/// Share of such a plot beside a label that is not cut.
+const BESIDE: f64 = 0.12;
 /// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
 /// the rest of the plot.
 const BEGIN: f64 = 0.1;
@@ -132,7 +136,38 @@ impl Plots {
     }
 }
 
-/// The time from which on the end of the run has plots of its own.
+/// The time from which on the end of the run has plots of its own, ns: their time axis has a number.
+///
+/// The viewer labels multiples of a power of ten that have room, of which there are few enough.
 pub fn end_of_run(first: i64, last: i64) -> i64 {
-    last - (END * (last - first) as f64) as i64
+    let length = END * (last - first) as f64;
+    let step = 10f64.powf((length / LABELS).max(1.0).log10().ceil());
+    let beside = BESIDE * length;
+    let tick = step * ((last as f64 - beside) / step).floor();
+    let begin = (last as f64 - length).min(tick - beside);
+    (begin as i64).max(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The viewer labels the ticks of the smallest power of ten that are 57 pixels apart.
+    #[test]
+    fn the_plots_of_the_end_have_a_number_on_their_time_axis() {
+        for (first, last) in
+            [(5, 400), (10, 400), (0, 630), (60, 630), (0, 700), (0, 1980), (20, 2880), (0, 86_400)]
+        {
+            let begin = end_of_run(first * 1_000_000_000, last * 1_000_000_000) as f64 * 1e-9;
+            let (first, last) = (first as f64, last as f64);
+            let length = last - begin;
+            assert!((0.2..0.5).contains(&(length / (last - first))), "{first} {last}: {begin}");
+            let step = 10f64.powf((length * 57.0 / 340.0).log10().ceil());
+            let tick = step * ((last - 0.05 * length) / step).floor();
+            assert!(
+                tick > begin + 0.05 * length,
+                "{first} to {last}: {begin} has no tick of {step}"
+            );
+        }
+    }
 }
