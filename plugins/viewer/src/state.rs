@@ -114,7 +114,7 @@ impl BlockSeries {
             name: name.to_owned(),
             components: (0..block.operations.tangent).map(component).collect(),
             constant: block.spec.truth.is_some() && !block.wanders,
-            compared: if simulated { "error" } else { "minus reference" },
+            compared: if simulated { "error" } else { "difference" },
             truth: if simulated { "true" } else { "reference" },
             half_turn,
             origin: None,

@@ -281,7 +281,7 @@ impl SensorStatistics {
                 &self.name,
                 // a sample of which other channels were used counts once
                 format!(
-                    "{} of {} samples were refused ({:.0} %; {:.1} expected)",
+                    "{} of {} samples were refused ({:.0} %, {:.1} samples expected)",
                     self.gated,
                     measured - self.in_part,
                     100.0 * self.gated as f64 / (measured - self.in_part) as f64,
