@@ -117,7 +117,7 @@ pub const PROGRAMS: [Program; 11] = [
                     pairs.trim_end_matches(", ")
                 )
             };
-            let signals = names.map(|name| signal(name)).collect::<Vec<_>>().join(", ");
+            let signals = names.map(signal).collect::<Vec<_>>().join(", ");
             one(folder, "bus.json", &format!("{{{signals}}}"), DATE)
         },
     },

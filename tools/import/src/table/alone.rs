@@ -68,7 +68,7 @@ impl Table<'_> {
         self.columns = columns;
     }
 
-    /// Takes velocities beside increments of angles for increments of velocity where the times of gravity are their norm.
+    /// Takes velocities beside increments of angles, where no forces are, for increments of velocity.
     pub(super) fn increments(&mut self) {
         const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
         if !self.has(&DTHETA) || !self.has(&BODY) || self.has(&DVEL) || self.has(&ACCEL) {
