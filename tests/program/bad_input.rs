@@ -446,10 +446,13 @@ fn what_a_source_refuses_is_named_with_the_line_of_its_table() {
     );
     let pan_wu = crate::common::scenario("pan-wu-3d").display().to_string();
     for (setting, parts) in [
-        ("source.simulation.segments=[]", ["pan-wu-3d.toml:", "source.simulation: segments"]),
+        (
+            "source.simulation.segments=[]",
+            ["--set source.simulation.segments = []: ", "the table is empty"],
+        ),
         (
             "source.simulation.start.latitude=95 deg",
-            ["pan-wu-3d.toml:", "source.simulation: start: latitude = \"95 deg\""],
+            ["--set source.simulation.start.latitude = \"95 deg\": ", "within 89 deg"],
         ),
         ("estimator.stop=10 s", ["estimator.stop = 10", "before estimator.start = 600"]),
     ] {

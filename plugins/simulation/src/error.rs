@@ -1,14 +1,14 @@
 //! Errors in a table of motion segments.
 
+const EMPTY: &str = "the table is empty: give at least one segment, such as \
+                     { type = \"static\", duration = \"600 s\" }";
+
 /// Error in a table of motion segments.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrajectoryError {
     /// There are no segments.
-    #[error(
-        "segments: the table is empty: give at least one segment, such as \
-         {{ type = \"static\", duration = \"600 s\" }}"
-    )]
+    #[error("segments: {EMPTY}")]
     Empty,
     /// A number of a segment does not fit.
     #[error("segment {number} (`{kind}`): {key} = \"{value}\": {remedy}")]
@@ -71,7 +71,8 @@ impl TrajectoryError {
                 format!("segment {number} (`{kind}`): {remedy}")
             }
             Self::Start { limit, .. } => format!("give a value within {limit}"),
-            Self::Empty | Self::Reach { .. } => self.to_string(),
+            Self::Empty => EMPTY.to_owned(),
+            Self::Reach { .. } => self.to_string(),
         }
     }
 }
