@@ -250,7 +250,7 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         (
             "columns.vel_x = { colunm = \"vx\" }",
             "columns.vel_x.colunm: unknown key \"colunm\"; did you mean \"column\"? (allowed: \
-             column, unit, course, zone, north, up, origin, atmosphere, density, plus, side, \
+             column, unit, course, zone, north, up, down, origin, atmosphere, density, plus, side, \
              scale, notation)",
         ),
         (
@@ -293,7 +293,7 @@ fn a_missing_file_is_named_as_it_was_looked_for() {
     );
     assert_eq!(
         error(&[IMU, DVL].concat(), "[source.csv.files.dlv]\npath = \"d.csv\"\n"),
-        "files.dlv: there is no [sensor.dlv]; did you mean \"dvl\"? (sensors: imu, dvl)"
+        "there is no [sensor.dlv]; did you mean \"dvl\"? (sensors: imu, dvl)"
     );
     // two sources, one of which finds nothing
     assert_eq!(

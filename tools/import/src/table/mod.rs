@@ -278,17 +278,21 @@ mod tests {
     fn a_heading_with_empty_cells_and_a_log_beside_a_receiver_are_sensors() {
         let row = |k: usize| {
             let t = k as f64 / 100.0;
-            let rest = match k % 10 {
-                0 => format!("{}.5,1,2,3,48.{k:05},11.5", 90 + k / 100),
-                _ => ",,,,,".to_owned(),
-            };
-            format!("{t:.2},0.0{},0.01,0.02,0.1,0.2,-9.8{},{rest}\n", k % 7, k % 9)
+            let heading = if k % 10 == 0 { format!("{}.5", 90 + k / 100) } else { String::new() };
+            let place = if k % 10 == 0 { format!("48.{k:05},11.5") } else { ",".to_owned() };
+            let log = if k % 10 == 0 { "1,2,3" } else { ",," };
+            let imu = format!("{t:.2},0.0{},0.01,0.02,0.1,0.2,-9.8{}", k % 7, k % 9);
+            [format!("{imu},{heading},{log}\n"), format!("{imu},{log},{place}\n")]
         };
-        let head = "t,gx,gy,gz,ax,ay,az,ahrs/heading_deg,dvl/vx,dvl/vy,dvl/vz,lat,lon\n";
-        let found =
-            recognise(&(head.to_owned() + &(0..200).map(row).collect::<String>()), "").unwrap();
-        let kinds: Vec<&str> = found.iter().map(|f| f.kind).collect();
-        assert_eq!(kinds, ["imu", "dvl", "gnss", "dual-antenna"]);
+        let imu = "t,gx,gy,gz,ax,ay,az";
+        let heads = ["ahrs/heading_deg,dvl/vx,dvl/vy,dvl/vz", "dvl/vx,dvl/vy,dvl/vz,lat,lon"];
+        let kinds = heads.iter().enumerate().map(|(k, head)| {
+            let rows: String = (0..200).map(|r| row(r)[k].clone()).collect();
+            let found = recognise(&format!("{imu},{head}\n{rows}"), "").unwrap();
+            found.iter().map(|f| f.kind).collect::<Vec<&str>>()
+        });
+        let expected = [vec!["imu", "dvl", "dual-antenna"], vec!["imu", "dvl", "gnss"]];
+        assert!(kinds.eq(expected.clone()), "{expected:?}");
     }
 
     #[test]
