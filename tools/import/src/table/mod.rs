@@ -278,9 +278,10 @@ mod tests {
     fn a_heading_with_empty_cells_and_a_log_beside_a_receiver_are_sensors() {
         let row = |k: usize| {
             let t = k as f64 / 100.0;
-            let heading = if k % 10 == 0 { format!("{}.5", 90 + k / 100) } else { String::new() };
-            let place = if k % 10 == 0 { format!("48.{k:05},11.5") } else { ",".to_owned() };
-            let log = if k % 10 == 0 { "1,2,3" } else { ",," };
+            let full = k.is_multiple_of(10);
+            let heading = if full { format!("{}.5", 90 + k / 100) } else { String::new() };
+            let place = if full { format!("48.{k:05},11.5") } else { ",".to_owned() };
+            let log = if full { "1,2,3" } else { ",," };
             let imu = format!("{t:.2},0.0{},0.01,0.02,0.1,0.2,-9.8{}", k % 7, k % 9);
             [format!("{imu},{heading},{log}\n"), format!("{imu},{log},{place}\n")]
         };

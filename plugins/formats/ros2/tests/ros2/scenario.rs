@@ -106,7 +106,7 @@ fn what_does_not_fit_is_an_error_with_a_remedy() {
             ),
             "\"m\" is no unit of the channel, gyro_x_radps",
         ),
-        (keys("sensors.imu = { topic = \"/imu\" }\nwait = \"-1 s\""), "wait: "),
+        (keys("sensors.imu = { topic = \"/imu\" }\nwait = \"-1 s\""), "source.ros2.wait = \"-1 s\": it is"),
         (
             "path = \"no.mcap\"\nsensors.imu = { topic = \"/imu\" }".to_owned(),
             "no.mcap: cannot be opened",
