@@ -195,7 +195,7 @@ pub fn states(run: &Run) -> String {
     shown.extend(others.into_iter().take(STATES.saturating_sub(corrected)));
     let [error, largest] = match run.simulated {
         true => ["error ± sigma", "worst (sigmas)"],
-        false => ["difference ± sigma", "worst (sigmas of both)"],
+        false => ["difference ± sigma", "worst (of both)"],
     };
     let mut page = String::new();
     write_corrected(&mut page, &run.corrected);
