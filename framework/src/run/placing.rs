@@ -44,8 +44,6 @@ pub(super) fn place_sensor(
     }
     let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
         .map_err(|e| e.at(&part.node))?;
-    let unset = built.unset.iter().filter_map(|name| limits::place(name, &built.channels));
-    let unset = unset.fold(0, |mask, channel| mask | 1 << channel);
     let conversion = keys.samples.as_ref().map(|samples| samples.resolve(&built.channels));
     let conversion = conversion.transpose().map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
@@ -66,6 +64,8 @@ pub(super) fn place_sensor(
     let mounting = composer.take_mounting();
     let channels = built.channels;
     let info = SensorInfo { name, kind, channels, purpose, mounting };
+    let unset = built.unset.iter().filter_map(|name| info.position(name));
+    let unset = unset.fold(0, |mask, channel| mask | 1 << channel);
     Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
     if let Some(simulation) = &keys.simulation {
         // a fault that does not fit the sensor is rejected here, with its place in the file

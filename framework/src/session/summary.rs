@@ -4,7 +4,9 @@ use crate::checkpoint::{Io, Saved, saved};
 use crate::compose::estimator::Estimator;
 use crate::model::record::answers::Answers;
 use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, Level, Outcome, Outcomes, Rejection, UpdateRecord};
+use crate::model::record::{
+    Epoch, Event, InPart, Level, Outcome, Outcomes, Rejection, UpdateRecord,
+};
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
@@ -99,13 +101,11 @@ struct Counts {
     read: u64,
     outcomes: Outcomes,
     excluded: u64,
-    /// Time of the last refused sample, and the number of those of which other channels were used.
-    refused: Option<Time>,
-    in_part: u64,
+    in_part: InPart,
     nis: f64,
 }
 
-saved!(Counts { read, outcomes, excluded, refused, in_part, nis });
+saved!(Counts { read, outcomes, excluded, in_part, nis });
 
 impl Counts {
     /// Counts a sample that the filter did not use.
@@ -195,13 +195,9 @@ impl Statistics {
             Outcome::Rejected(why) => counts.unused(why),
             outcome => counts.outcomes.add(outcome),
         }
-        match update.outcome {
-            Outcome::Accepted => {
-                counts.nis += update.nis;
-                counts.in_part += u64::from(counts.refused == Some(update.time));
-            }
-            Outcome::Gated | Outcome::Rejected(_) => counts.refused = Some(update.time),
-            Outcome::Placed => {}
+        counts.in_part.add(update);
+        if update.outcome == Outcome::Accepted {
+            counts.nis += update.nis;
         }
     }
 
@@ -327,8 +323,8 @@ impl Statistics {
             if rejected > 0 {
                 value["rejected_for"] = c.rejected_for(&sensor.info.channels);
             }
-            if c.in_part > 0 {
-                value["used_in_part"] = json!(c.in_part);
+            if c.in_part.count > 0 {
+                value["used_in_part"] = json!(c.in_part.count);
             }
             if placed > 0 {
                 value["placed"] = json!(placed);

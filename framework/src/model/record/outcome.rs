@@ -1,6 +1,8 @@
 //! Outcomes of samples: why a sample was not used, in words, and the numbers of samples by outcome.
 
 use crate::checkpoint::saved;
+use crate::model::record::UpdateRecord;
+use crate::units::time::Time;
 
 /// Outcome of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +89,29 @@ impl Rejection {
             Self::Excluded => "the scenario excludes this time".into(),
             Self::Absent => "observes an absent state".into(),
             Self::Prediction => "the sensor's model predicts NaN".into(),
+        }
+    }
+}
+
+/// The number of refused samples of a sensor of which other channels were used. The record of the refused
+/// channels comes first.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct InPart {
+    refused: Option<Time>,
+    pub(crate) count: u64,
+}
+
+saved!(InPart { refused, count });
+
+impl InPart {
+    /// Takes the outcome of a sample, or of a part of it.
+    pub(crate) fn add(&mut self, update: &UpdateRecord<'_>) {
+        match update.outcome {
+            Outcome::Accepted => self.count += u64::from(self.refused == Some(update.time)),
+            Outcome::Gated | Outcome::Rejected(Rejection::Isolated) => {
+                self.refused = Some(update.time);
+            }
+            Outcome::Placed | Outcome::Rejected(_) => {}
         }
     }
 }

@@ -48,11 +48,6 @@ impl Limit {
     }
 }
 
-/// The place of a channel among those of a sensor.
-pub(crate) fn place(name: &str, channels: &[Channel]) -> Option<usize> {
-    channels.iter().position(|channel| &*channel.name == name)
-}
-
 /// Limits of a sensor: those of its type, replaced by those of the scenario. Each has the index of
 /// its channel.
 pub(crate) fn resolve(
@@ -60,11 +55,12 @@ pub(crate) fn resolve(
     keys: &LimitKeys,
     channels: &[Channel],
 ) -> Result<Vec<(usize, Limit)>, ComposeError> {
+    let index = |name: &str| channels.iter().position(|channel| &*channel.name == name);
     let mut limits: Vec<(usize, Limit)> = (own.into_iter())
-        .filter_map(|limit| place(&limit.channel, channels).map(|channel| (channel, limit)))
+        .filter_map(|limit| index(&limit.channel).map(|channel| (channel, limit)))
         .collect();
     for (name, given) in keys {
-        let Some(channel) = place(name, channels) else {
+        let Some(channel) = index(name) else {
             let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
             let message = unknown("channel", name, &names);
             return Err(ComposeError::new(format!("limits.{name}"), message));

@@ -12,7 +12,7 @@ use crate::checkpoint::saved;
 use crate::model::chi_square::{Band, band, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
-use crate::model::record::{Outcome, Rejection, UpdateRecord};
+use crate::model::record::{InPart, Outcome, Rejection, UpdateRecord};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
@@ -79,9 +79,7 @@ pub(crate) struct SensorStatistics {
     minutes: u64,
     worst: Option<Minute>,
     gated: u64,
-    /// Time of the last refused sample, and the number of those of which other channels were used.
-    refused: Option<Time>,
-    in_part: u64,
+    in_part: InPart,
     /// Start, end and length of the current and of the longest streak of gated samples.
     streak: Streak,
     longest: Streak,
@@ -92,7 +90,8 @@ pub(crate) struct SensorStatistics {
 }
 
 saved!(SensorStatistics {
-    whole, memory, begin, minute, minutes, worst, gated, refused, in_part, streak, longest, expected_gated, faulty,
+    whole, memory, begin, minute, minutes, worst, gated, in_part, streak, longest, expected_gated,
+    faulty,
 } each {
     channels,
 } except {
@@ -112,8 +111,7 @@ impl SensorStatistics {
             minutes: 0,
             worst: None,
             gated: 0,
-            refused: None,
-            in_part: 0,
+            in_part: InPart::default(),
             streak: Streak::default(),
             longest: Streak::default(),
             expected_gated: 0.0,
@@ -124,6 +122,7 @@ impl SensorStatistics {
 
     /// Adds the outcome of a sample.
     pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.in_part.add(update);
         let m = update.innovation.len();
         let chance = |place: &mut Option<Chance>| {
             *place.get_or_insert_with(|| Chance::of(m, update.threshold))
@@ -140,7 +139,7 @@ impl SensorStatistics {
                 | Rejection::TooFast(_),
             ) => self.faulty += 1,
             // it contradicts the filter like a gated sample; the filter reports it as a finding
-            Outcome::Rejected(Rejection::Isolated) => self.refuse(update.time),
+            Outcome::Rejected(Rejection::Isolated) => self.gated += 1,
             // a missing channel and a silent driving sensor make no sigma wrong
             Outcome::Rejected(
                 Rejection::Missing
@@ -151,7 +150,7 @@ impl SensorStatistics {
             )
             | Outcome::Placed => {}
             Outcome::Gated => {
-                self.refuse(update.time);
+                self.gated += 1;
                 self.streak.add(update.time);
                 if self.streak.count > self.longest.count {
                     self.longest = self.streak;
@@ -159,18 +158,12 @@ impl SensorStatistics {
                 self.expected_gated += chance(&mut self.chances[m]).gated;
             }
             Outcome::Accepted => {
-                self.in_part += u64::from(self.refused == Some(update.time));
                 let chance = chance(&mut self.chances[m]);
                 self.expected_gated += chance.gated;
                 self.streak = Streak::default();
                 self.accepted(update, &chance);
             }
         }
-    }
-
-    fn refuse(&mut self, time: Time) {
-        self.gated += 1;
-        self.refused = Some(time);
     }
 
     fn accepted(&mut self, update: &UpdateRecord<'_>, chance: &Chance) {
@@ -283,8 +276,8 @@ impl SensorStatistics {
                 format!(
                     "{} of {} samples were refused ({:.0} %, {:.1} samples expected)",
                     self.gated,
-                    measured - self.in_part,
-                    100.0 * self.gated as f64 / (measured - self.in_part) as f64,
+                    measured - self.in_part.count,
+                    100.0 * self.gated as f64 / (measured - self.in_part.count) as f64,
                     self.expected_gated
                 ),
                 "look at its noise, mounting, clock and units, and at the noise of the driving \

@@ -1,6 +1,6 @@
 //! Headings that mean something beside others alone: axes, a height under water, parts of a degree.
 
-use super::columns::{ACCEL, Chosen, DTHETA, DVEL, GYRO, Table};
+use super::columns::{ACCEL, BODY, Chosen, DTHETA, DVEL, GYRO, Table};
 use super::vocabulary::{self, Meaning, fitting, meaning};
 use crate::found::Found;
 use crate::pressure::Pressure;
@@ -70,7 +70,6 @@ impl Table<'_> {
 
     /// Takes velocities beside increments of angles, where no forces are, for increments of velocity.
     pub(super) fn increments(&mut self) {
-        const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
         if !self.has(&DTHETA) || !self.has(&BODY) || self.has(&DVEL) || self.has(&ACCEL) {
             return;
         }
