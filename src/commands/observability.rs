@@ -32,9 +32,9 @@ Examples:
   navfuse observability scenarios/pan-wu-3d.toml --suggest \\
       --at \"720 s\" --for ins.accel_bias
 
-A state is determined when its sigma is at most a quarter of what it would be without \
-measurements: at most a sixteenth of the variance still comes from the prior. `bits` counts how \
-often sigma was halved.")]
+A state is determined when at most a sixteenth of its variance still comes from the prior: its sigma \
+is then at most a quarter of what it would be without measurements. `bits` counts how often sigma was \
+halved; a velocity that is measured forgets its prior, although process noise keeps its sigma up.")]
 pub struct Observability {
     /// A scenario (TOML), or a log that navfuse wrote (MCAP)
     pub scenario: PathBuf,
@@ -181,7 +181,7 @@ fn show(report: &ObservabilityReport) {
             words::short(s.sigma),
             s.unit.clone(),
             tenths(s.bits),
-            format!("{:.0} %", 100.0 * s.prior_weight),
+            words::still_prior(s.prior_weight),
             verdict,
         ]);
         before = &s.state;
@@ -189,6 +189,7 @@ fn show(report: &ObservabilityReport) {
     output::right(&mut table, 2..4);
     output::right(&mut table, 5..7);
     output::line(format_args!("{table}"));
+    output::line(words::MEASURES);
     segments(report);
     let missing: Vec<_> =
         report.states.iter().filter(|s| s.verdict != Determination::Determined).collect();

@@ -19,21 +19,27 @@ pub fn markdown(tracker: &Tracker) -> String {
     for (i, why) in missing {
         let _ = writeln!(page, "- **{}**: {why}", title(i));
     }
-    page += "\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n";
+    page +=
+        "\n| state | prior | now | bits | still prior | determined |\n|---|--:|--:|--:|--:|---|\n";
     for (i, (component, now)) in tracker.components().iter().zip(tracker.status()).enumerate() {
         let unit = component.unit;
         let (prior, sigma, bits) = (short(now.prior), short(now.sigma), words::tenths(now.bits()));
         let (title, verdict) = (title(i), verdict(now));
-        let _ = writeln!(page, "| {title} | {prior} | {sigma} {unit} | {bits} | {verdict} |");
+        let left = words::still_prior(now.weight);
+        let _ =
+            writeln!(page, "| {title} | {prior} | {sigma} {unit} | {bits} | {left} | {verdict} |");
     }
+    let _ = writeln!(page, "\n{}", words::MEASURES);
     page
 }
 
 fn verdict(now: &ComponentStatus) -> String {
     match (now.verdict, now.since) {
         (Determination::Determined, Some(since)) => {
-            format!("**determined** since {:.0} s", since.seconds())
+            format!("**since {:.0} s**", since.seconds())
         }
+        // the column has a third of a window
+        (Determination::NotDetermined, _) => "no".to_owned(),
         (verdict, _) => verdict.text().to_owned(),
     }
 }

@@ -190,7 +190,7 @@ impl ObservabilityReport {
         let mut panels: Vec<(String, Panel)> = Vec::new();
         for (state, (_, values)) in self.states.iter().zip(&self.history.normalised) {
             if panels.last().is_none_or(|(name, _)| *name != state.state) {
-                let y = Axis::logarithmic("sigma / prior");
+                let y = Axis::logarithmic("relative sigma");
                 let limit = |w: f64| Curve {
                     name: "determined".into(),
                     look: Look::Bound,

@@ -44,7 +44,7 @@ pub fn page(report: &ObservabilityReport) -> Result<String, FigureError> {
                 p.note { "Theorem 1 of Pan & Wu (2016), evaluated on the trajectory alone." }
             }
             section #plots {
-                h2 { "Sigma relative to the prior" }
+                h2 { "Sigma relative to that without measurements" }
                 (picture(&figure, &html! {
                     "A state whose sigma falls is observed from then on; a state whose sigma stays "
                     "at 1 is not."

@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
-use navfuse_observability::words::tenths;
+use navfuse_observability::words::{MEASURES, still_prior, tenths};
 use navfuse_observability::{Determination, ObservabilityReport};
 
 /// Formats a number with the digits that are significant for its sigma, and one more.
@@ -247,8 +247,8 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "state" } th.name { "verdict" } th { "since" } th { "remaining sigma" }
-                th { "bits" } th.name.more { "bits by sensor" } th.name { "missing" }
+                th { "state" } th.name { "verdict" } th { "since" } th { "still prior" }
+                th { "remaining sigma" } th { "bits" } th.name.more { "bits by sensor" }
             } }
             tbody {
                 @for state in &observed.states {
@@ -260,22 +260,26 @@ pub(crate) fn verdicts(observed: &ObservabilityReport) -> Markup {
                             }
                         }
                         td { @if let Some(since) = state.since_s { (seconds(since)) } }
+                        td { (still_prior(state.prior_weight)) }
                         td { (number(state.normalised, state.normalised)) }
                         td { (tenths(state.bits)) }
                         td.name.more { (contributions(&state.information)) }
-                        td.text { (state.missing.as_deref().unwrap_or_default()) }
+                    }
+                    @if let Some(missing) = &state.missing {
+                        tr { th {} td.text colspan="6" { (missing) } }
                     }
                 }
             }
         } }
         p.note {
-            "Remaining sigma: final sigma relative to the sigma without measurements. Bits: "
-            "number of times that sigma was halved. " code { "navfuse observability" } " has the "
-            "details, and suggests manoeuvres."
+            (MEASURES) " Remaining sigma: final sigma relative to the sigma without measurements. "
+            code { "navfuse observability" } " has the details, and suggests manoeuvres."
         }
         @if !observed.undetermined.is_empty() {
-            p { "Remaining errors of the initial state:" }
-            ul { @for direction in &observed.undetermined { li { (direction.text) } } }
+            p { "Directions that the measurements left open, and the share of their prior variance:" }
+            ul { @for direction in &observed.undetermined {
+                li { (still_prior(direction.left)) " of " (direction.text) }
+            } }
         }
     }
 }
