@@ -97,11 +97,10 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
     let but = if hidden { ", but the truth contradicts its sigma" } else { "" };
     let _ = writeln!(page, "# {name}: {}{but}\n", verdict.words());
     let sigma = match sigma {
-        Truth::True | Truth::TooLarge if errors.contradict() => format!(
-            "**{}** by the innovations, and **too small** by the truth{}",
-            sigma.words(),
-            errors.most()
-        ),
+        // one judgement: the truth knows what no innovation shows
+        Truth::True | Truth::TooLarge if errors.contradict() => {
+            format!("**too small** by the truth{}", errors.most())
+        }
         // the safe side of the noise of a sensor, and not that of the states
         Truth::TooLarge if errors.are_outside() => "**too large** by the innovations".to_owned(),
         // the same reason once
@@ -116,7 +115,9 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Erro
             _ => reason.severity.words(),
         };
         let (about, text) = (&reason.about, sentence(&reason.text, &reason.remedy));
-        let _ = writeln!(page, "- {words}: **{about}**: {text}");
+        // after a silence the noise of the driving sensor is in doubt, and none of its samples
+        let what = if reason.criterion == Criterion::Silence { "stated noise of " } else { "" };
+        let _ = writeln!(page, "- {words}: {what}**{about}**: {text}");
     }
 }
 

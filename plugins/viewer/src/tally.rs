@@ -52,9 +52,10 @@ impl Excursions {
         }
         let Excursion { from, to, worst } = excursion;
         let text = format!(
-            "leaves its 3 sigma at {:.1} s, until {:.1} s, by up to {worst:.1} sigma",
+            "leaves its 3 sigma at {:.1} s, until {:.1} s; {}",
             from.seconds(),
-            to.seconds()
+            to.seconds(),
+            largest(worst)
         );
         Some(Event { time: from, level: Level::Warning, about, text })
     }
@@ -65,16 +66,22 @@ impl Excursions {
         let event = |(about, Excursion { from, to, worst }): (String, Excursion)| {
             let count = self.seen.get(&about).map_or(0, |seen| seen - SINGLE);
             let text = format!(
-                "leaves its 3 sigma {count} more {} from {:.1} s on, until {:.1} s, by up to \
-                 {worst:.1} sigma",
+                "leaves its 3 sigma {count} more {} from {:.1} s on, until {:.1} s; {}",
                 if count == 1 { "time" } else { "times" },
                 from.seconds(),
-                to.seconds()
+                to.seconds(),
+                largest(worst)
             );
             Event { time: from, level: Level::Warning, about, text }
         };
         further.into_iter().map(event).collect()
     }
+}
+
+/// The size of the largest error of an excursion in words: one of 3.04 sigma is no 3.0.
+fn largest(worst: f64) -> String {
+    let decimals = if worst < 3.1 { 2 } else { 1 };
+    format!("its largest error is {worst:.decimals$} sigma")
 }
 
 /// Largest error of a component.
@@ -214,7 +221,8 @@ mod tests {
         assert_eq!(events.len(), 3);
         let rest = excursions.finish();
         let rest: Vec<_> = rest.iter().map(|e| (e.about.as_str(), e.text.as_str())).collect();
-        let text = "leaves its 3 sigma 2 more times from 3.0 s on, until 5.0 s, by up to 8.0 sigma";
+        let text = "leaves its 3 sigma 2 more times from 3.0 s on, until 5.0 s; its largest error is 8.0 \
+                    sigma";
         assert_eq!(rest, [("ins.attitude roll", text)]);
     }
 }

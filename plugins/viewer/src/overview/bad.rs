@@ -10,7 +10,7 @@ use navfuse_core::model::record::health::{Health, Stretch};
 use navfuse_core::model::record::verdict::{Criterion, Verdict};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
-use words::{APART, found_at, in_words, joined, longest, span};
+use words::{APART, found_at, in_words, joined, longest, span, why};
 
 /// Shortest fault in the line of a sensor, and shortest silence, s.
 const SHORTEST: f64 = 1.0;
@@ -67,11 +67,14 @@ pub fn write(
     let off: Vec<String> = lanes.iter().filter_map(|lane| off(lane, now)).collect();
     if lines.is_empty() {
         let refused = |lane: &SensorLane| lane.outcomes.gated + lane.outcomes.all_rejected();
-        page.push_str(match (off.is_empty(), lanes.iter().map(refused).sum::<u64>()) {
-            (false, _) => "None.",
-            (true, 0) => "None: no sample was gated or rejected.",
-            (true, _) => "None for longer than a second: single samples were gated or rejected.",
-        });
+        match (off.is_empty(), lanes.iter().map(refused).sum::<u64>()) {
+            (false, _) => page.push_str("None sent wrong samples."),
+            (true, 0) => page.push_str("None: no sample was gated or rejected."),
+            (true, _) => {
+                let single = "None for longer than a second: single samples were gated or rejected";
+                let _ = write!(page, "{single}{}.", reasons(lanes, sensors));
+            }
+        }
         let others =
             verdict.map(|verdict| parts_without_a_lane(lanes, verdict)).unwrap_or_default();
         if !others.is_empty() {
@@ -82,6 +85,16 @@ pub fn write(
     page.push_str("\n\n");
     lines.iter().for_each(|line| _ = writeln!(page, "- {line}"));
     write_silences(page, lanes, now);
+}
+
+/// The reasons for which samples were rejected before the gate, in brackets.
+fn reasons(lanes: &[SensorLane], sensors: &[SensorSeries]) -> String {
+    let rejected = |lane: &SensorLane| {
+        let count = lane.outcomes.all_rejected();
+        (count > 0).then(|| format!("{count} of **{}**{}", lane.name, why(lane, sensors)))
+    };
+    let all: Vec<String> = lanes.iter().filter_map(rejected).collect();
+    if all.is_empty() { String::new() } else { format!(" ({})", all.join("; ")) }
 }
 
 /// What the verdict doubts that is no sensor: a state of a process, the alignment, the estimate.
@@ -258,6 +271,7 @@ fn write_silences(page: &mut String, lanes: &[SensorLane], now: Time) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use navfuse_core::model::record::Rejection;
     use navfuse_core::model::record::verdict::Reason;
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
 
@@ -416,11 +430,22 @@ mod tests {
         let mut gnss = lane("gnss", Purpose::Measurement, &stretches);
         gnss.after_silence.push(time(268));
         let found = lines(&[gnss], &[reason(Criterion::Silence, Severity::Contained, "imu")]);
-        assert!(found[0].ends_with("None."), "{found:?}");
+        assert!(found[0].ends_with("None sent wrong samples."), "{found:?}");
         let expected = "- without **gnss**, silent 250–265 s, the filter went off by more than its sigma, \
                         until 268 s; the silence is no fault of the sensor";
         assert_eq!(found[1], expected);
         assert!(found[2].starts_with("Silent"), "{found:?}");
+    }
+
+    /// A velocity log whose last sample comes after the last one of the IMU.
+    #[test]
+    fn a_single_sample_that_was_rejected_has_its_reason() {
+        let mut dvl = lane("dvl", Purpose::Measurement, &[(Health::Used, 630)]);
+        dvl.outcomes.reject(Rejection::NoInput);
+        let found = lines(&[dvl], &[]);
+        let expected =
+            "single samples were gated or rejected (1 of **dvl**, the driving sensor is silent).";
+        assert!(found[0].ends_with(expected), "{found:?}");
     }
 
     #[test]

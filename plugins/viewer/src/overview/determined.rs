@@ -11,9 +11,8 @@ const GREW: f64 = 1.1;
 /// Greatest number of blocks that are named.
 const BLOCKS: usize = 12;
 
-/// A block, its components, and the largest weight of the prior among them, or the largest last sigma over
-/// the prior.
-type Named = (String, f64);
+/// A block with some components, and of each the weight of the prior, or the last sigma over the prior.
+type Named = (String, Vec<f64>);
 
 /// Writes the answer. `left` is the weight that the prior of a component still has, by a tab that follows it;
 /// without one it follows from the last sigma.
@@ -34,8 +33,9 @@ pub fn write(page: &mut String, blocks: &[BlockSeries], left: &dyn Fn(&str, &str
         let name = |to: &mut Vec<Named>, is: &dyn Fn(f64, f64) -> Option<f64>| {
             let some = all.iter().filter_map(|(k, w, share)| Some((*k, is(*w, *share)?)));
             let (parts, values): (Vec<usize>, Vec<f64>) = some.unzip();
-            let largest = values.into_iter().reduce(f64::max);
-            to.extend(largest.map(|largest| (block.names(&parts), largest)));
+            if !parts.is_empty() {
+                to.push((block.names(&parts), values));
+            }
         };
         name(&mut in_part, &|w, _| (w > DETERMINED && w <= IN_PART).then_some(w));
         name(&mut open, &|w, share| (w > IN_PART && share <= GREW).then_some(w));
@@ -57,13 +57,20 @@ pub fn write(page: &mut String, blocks: &[BlockSeries], left: &dyn Fn(&str, &str
     page.push('\n');
 }
 
-/// Writes blocks, each with its number.
+/// Writes blocks, each with the numbers of its components in their order, or one that is that of all.
 fn write_named(page: &mut String, what: &str, mut named: Vec<Named>) {
     if named.is_empty() {
         return;
     }
-    named.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let words = named.iter().take(BLOCKS).map(|(name, value)| format!("{name} ({value:.2})"));
+    let largest = |named: &Named| named.1.iter().copied().fold(0.0, f64::max);
+    named.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
+    let words = named.iter().take(BLOCKS).map(|(name, values)| {
+        let mut values: Vec<String> = values.iter().map(|value| format!("{value:.2}")).collect();
+        if values.iter().all(|value| *value == values[0]) {
+            values.truncate(1);
+        }
+        format!("{name} ({})", values.join(", "))
+    });
     let words = words.collect::<Vec<_>>().join(", ");
     let _ = write!(page, " {what}: {words}");
     match named.len().saturating_sub(BLOCKS) {
@@ -77,12 +84,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_blocks_have_the_weight_of_their_prior_the_largest_first() {
+    fn the_blocks_have_the_weight_of_each_prior_the_largest_first() {
         let mut page = String::new();
-        let named = [("ins.gyro_bias z", 0.9), ("ins.position", 1.0)];
-        let named = named.map(|(name, share)| (name.to_owned(), share));
+        let named = [
+            ("gnss.lever_arm x, y", vec![0.46, 0.31]),
+            ("ins.gyro_bias z", vec![0.9]),
+            ("ins.position", vec![1.0, 0.999, 1.0]),
+        ];
+        let named = named.map(|(name, shares)| (name.to_owned(), shares));
         write_named(&mut page, "Not determined", named.to_vec());
-        let expected = " Not determined: ins.position (1.00), ins.gyro_bias z (0.90).";
+        let expected = " Not determined: ins.position (1.00), ins.gyro_bias z (0.90), gnss.lever_arm x, y \
+                        (0.46, 0.31).";
         assert_eq!(page, expected);
         write_named(&mut page, "In part", Vec::new());
         assert_eq!(page, expected);

@@ -311,8 +311,7 @@ mod tests {
         write_verdict(&mut page, "dive", &verdict, &errors(true, 49, 5.1, 2));
         let title = "# dive: consistent, but the truth contradicts its sigma\n";
         assert!(page.starts_with(title), "{page}");
-        let answers = "Usable: **yes** · sigma: **true** by the innovations, and **too small** by the \
-                       truth, most at 0 s · look at: **nothing**";
+        let answers = "Usable: **yes** · sigma: **too small** by the truth, most at 0 s · look at: **nothing**";
         assert!(page.contains(answers), "{page}");
     }
 

@@ -80,7 +80,7 @@ pub(super) fn longest(mut stretches: Vec<Stretch>) -> String {
 }
 
 /// The reason of most rejections but an isolation, which has a word of its own.
-fn why(lane: &SensorLane, sensors: &[SensorSeries]) -> String {
+pub(super) fn why(lane: &SensorLane, sensors: &[SensorSeries]) -> String {
     let series = sensors.iter().find(|s| s.name == lane.name);
     let names: Vec<&str> =
         series.iter().flat_map(|s| (0..s.channels.len()).map(|k| s.channel(k))).collect();
