@@ -20,6 +20,10 @@ use std::sync::Arc;
 /// Number of rows of one block: the size to which the viewer compacts its own blocks.
 pub const ROWS: usize = 4096;
 
+/// The round times from which the viewer counts the ticks of a run that goes on, ns: as far apart as the
+/// ticks of the latest five minutes.
+const ROUND: i64 = 100_000_000_000;
+
 /// The name of bounds of 3 sigma.
 pub const BOUNDS: &str = "±3σ";
 
@@ -162,8 +166,12 @@ impl Series {
             return Ok(());
         }
         if let Some(style) = self.style.take() {
-            let origin = recording.origin().filter(|origin| self.line && *origin < self.times[0]);
-            if let Some(origin) = origin.filter(|_| !self.for_viewers) {
+            // the viewer counts its ticks from the first time of a plot
+            let origin = match self.for_viewers {
+                true => Some(self.times[0].div_euclid(ROUND) * ROUND),
+                false => recording.origin(),
+            };
+            if let Some(origin) = origin.filter(|origin| self.line && *origin < self.times[0]) {
                 self.times.insert(0, origin);
                 self.values.splice(..0, std::iter::repeat_n(f64::NAN, self.width));
             }

@@ -15,9 +15,9 @@ const SEEN: f32 = 0.52 * (450.0 - 30.0) / 445.0;
 pub const SEEING_ALL: [f32; 3] = [-0.75, -0.25, -0.61];
 pub const FOLLOWING: [f32; 3] = [-0.905, -0.302, -0.302];
 
-/// Returns `true` for a place, north, east and down, whose label is inside of the view of the whole track.
-pub fn has_room(extent: &Extent, [north, east, down]: [f32; 3]) -> bool {
-    let depth = extent.exaggeration();
+/// Returns `true` for a place, north, east and down, whose label is inside of the view of the whole track, which
+/// enlarges depths by that factor.
+pub fn has_room(extent: &Extent, depth: f32, [north, east, down]: [f32; 3]) -> bool {
     let Some((middle, radius)) = extent.ball(depth) else { return false };
     let eye = Vector3::from(middle) + EYE * radius * Vector3::from(SEEING_ALL);
     let seen = Vector3::new(north, east, depth * down) - eye;
@@ -47,9 +47,10 @@ mod tests {
         let (low, high) = ([-420.0, 0.0, 0.0], [1480.0, 1450.0, 55.0]);
         let extent = Extent { low, high, geo: Extent::NONE.geo };
         let south = low[0] - 0.12 * 1900.0;
-        let room = [0.0, 500.0, 1000.0, 1500.0].map(|east| has_room(&extent, [south, east, 0.0]));
+        let room =
+            [0.0, 500.0, 1000.0, 1500.0].map(|east| has_room(&extent, 5.0, [south, east, 0.0]));
         assert_eq!(room, [true, true, true, false]);
         // to the left of the middle is west
-        assert!(!has_room(&extent, [south, -1500.0, 0.0]));
+        assert!(!has_room(&extent, 5.0, [south, -1500.0, 0.0]));
     }
 }

@@ -31,8 +31,10 @@ const LEAST: f64 = 1e-3;
 const STRETCHED: f64 = 5.76;
 /// Letters of north and south, and of east and west.
 pub const LETTERS: [[char; 2]; 2] = [['N', 'S'], ['E', 'W']];
+/// Half the width of a line of the graticule, points. Half a point vanishes between two pixels.
+const GRID_WIDTH: f32 = 0.8;
 /// Colours of the graticule and of the coast.
-const GRID: Colour = [70, 76, 86];
+const GRID: Colour = [92, 98, 110];
 const COAST: Colour = [194, 178, 128];
 
 /// The title of the map of a track. Near a pole it names by how much the map's projection enlarges.
@@ -129,7 +131,7 @@ impl Graticule {
         let meridians = lines(1).map(|longitude| [[south, longitude], [north, longitude]]);
         let lines = GeoLineStrings::from_lat_lon(parallels.chain(meridians))
             .with_colors([GRID])
-            .with_radii([Radius::new_ui_points(0.5)]);
+            .with_radii([Radius::new_ui_points(GRID_WIDTH)]);
         recording.log_static(&path(&["map", "graticule"]), &lines)?;
         let coast = self.coast();
         if !coast.is_empty() {

@@ -80,9 +80,10 @@ pub fn draw(recording: &Recording, track: &Motion, over: bool) -> Result<(), Str
     if let Some(polar) = Polar::of(track).filter(|_| over) {
         polar.draw(recording)?;
     }
+    let depth = if over { track.extent.exaggeration() } else { 1.0 };
+    draw_distances(recording, &track.extent, depth)?;
     if over {
         exaggerate(recording, &track.extent)?;
-        draw_distances(recording, &track.extent)?;
     } else {
         fit(recording, &track.extent)?;
     }
@@ -171,8 +172,8 @@ fn draw_estimate(
     recording.log_static(&path(&["map", "marks"]), &marks)
 }
 
-/// Distances north and east of the start, at two edges of the grid.
-fn draw_distances(recording: &Recording, extent: &Extent) -> Result<(), StreamError> {
+/// Distances north and east of the start, at two edges of the grid, in a view that enlarges depths.
+fn draw_distances(recording: &Recording, extent: &Extent, depth: f32) -> Result<(), StreamError> {
     let Some((_, side)) = extent.middle() else { return Ok(()) };
     let spacing = plan::round(f64::from(side) / 5.0) as f32;
     let places = |k: usize| {
@@ -187,7 +188,7 @@ fn draw_distances(recording: &Recording, extent: &Extent) -> Result<(), StreamEr
     let (places, labels): (Vec<_>, Vec<_>) = north
         .chain(east)
         .map(|([north, east], x)| ([north, east, extent.level()], plan::distance(x, spacing)))
-        .filter(|(place, _)| eye::has_room(extent, *place))
+        .filter(|(place, _)| eye::has_room(extent, depth, *place))
         .unzip();
     let labels = Points3D::new(places)
         .with_labels(labels)
