@@ -22,19 +22,32 @@ pub fn at(place: f64) -> Colour {
     })
 }
 
+/// Share of the largest values that are beyond the scale: a wide prior in the first seconds would leave the
+/// rest of a run one colour.
+const BEYOND: f64 = 0.01;
+
 /// Logarithmic scale over the values of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct ColourScale {
     low: f64,
     high: f64,
+    /// Set where some values are larger than the scale.
+    pub beyond: bool,
 }
 
 impl ColourScale {
     /// The scale over positive values; others do not count.
     pub fn over(values: impl Iterator<Item = f64>) -> Self {
-        let values = values.filter(|v| v.is_finite() && *v > 0.0);
-        let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
-        if low <= high { Self { low, high } } else { Self { low: 1.0, high: 1.0 } }
+        let mut values: Vec<f64> = values.filter(|v| v.is_finite() && *v > 0.0).collect();
+        values.sort_by(f64::total_cmp);
+        let last = values.len().saturating_sub(1);
+        let high = last - (BEYOND * values.len() as f64) as usize;
+        match (values.first(), values.get(high), values.last()) {
+            (Some(low), Some(high), Some(largest)) => {
+                Self { low: *low, high: *high, beyond: high < largest }
+            }
+            _ => Self { low: 1.0, high: 1.0, beyond: false },
+        }
     }
 
     /// The step of a value.
@@ -77,6 +90,20 @@ impl ColourScale {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The sigma of a prior lasts 5 of 1000 s, and that of an outage 50.
+    #[test]
+    fn a_wide_prior_does_not_take_the_colours_of_the_run() {
+        let run = |wide: usize| {
+            let sigmas =
+                (0..1000).map(move |k| if k < wide { 14.0 } else { 1.0 + 0.001 * k as f64 });
+            ColourScale::over(sigmas)
+        };
+        let [prior, outage] = [5, 50].map(run);
+        assert!(prior.beyond && (prior.legend()[2].0 - 2.0).abs() < 0.01, "{prior:?}");
+        assert_eq!((prior.step(14.0), prior.step(1.995)), (STEPS - 1, STEPS - 1));
+        assert!(!outage.beyond && outage.legend()[2].0 == 14.0, "{outage:?}");
+    }
 
     #[test]
     fn the_pieces_of_a_line_follow_its_values_and_share_their_ends() {

@@ -239,6 +239,8 @@ impl Plan {
         let legend = scale.legend();
         let labels = legend.iter().enumerate().map(|(k, (value, _))| match k {
             1 => "sigma".to_owned(),
+            // the few places with a larger sigma have the last colour, too
+            2 if scale.beyond => number(*value) + "+",
             _ => number(*value),
         });
         let points = Points2D::new([0.0, 0.5, 1.0].map(place))
