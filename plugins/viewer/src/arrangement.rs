@@ -1,18 +1,18 @@
 //! The tabs of a run: the overview first, then what it is made of.
 
 mod sensors;
+mod states;
 
-use crate::blueprint::{FRAME, Layout, height};
+use crate::blueprint::{FRAME, Layout};
 use crate::eye::{EYE, FOLLOWING, SEEING_ALL, eye};
 use crate::map::Graticule;
 use crate::overview;
-use crate::plots::{Plots, end_of_run};
 use crate::polar::Polar;
 use crate::recording::Axis;
 use crate::run::Run;
 use crate::scene::{AROUND, BALL, DISTANCE, LIVE_VEHICLE, VEHICLE};
 use crate::state::BlockSeries;
-use crate::style::{label, title};
+use crate::style::{powers, title};
 use crate::tab::Tab;
 use crate::track::{Extent, Motion};
 use re_sdk::RecordingStreamResult;
@@ -193,20 +193,22 @@ impl Layout {
         {
             let block = &run.blocks[b];
             let name = format!("Worst: {}", block.full_name(k));
+            let pixels = BELOW_PAGE * USUAL - FRAME;
             // without a truth the worst state is the one whose sigma fell least; the legend names the ratio
             let (leaf, name, range) = match block.components[k].tally.worst {
                 Some(worst) => {
                     let size = worst.sigmas.max(4.0);
-                    let range = self.legend_at(&plots.legends.normalised, true, [-size, size]);
+                    let range = ([-size, size], pixels);
+                    let range = self.legend_at(&plots.legends.normalised, true, range);
                     ("normalised", name, range)
                 }
                 None => {
-                    let range = self.legend_at(&plots.legends.sigma, true, plots.logarithms);
+                    let range = (plots.logarithms, pixels);
+                    let range = self.legend_at(&plots.legends.sigma, true, range);
                     ("sigma", format!("{name}, sigma {}", powers(plots.error.unit)), range)
                 }
             };
             let contents = [format!("+ {}", block.entity(k, leaf))];
-            let pixels = BELOW_PAGE * USUAL - FRAME;
             below.push(self.plot_of(&name, &contents, Some(range), None, pixels));
         }
         let states = TextDocumentView::new("States at the end").with_origin("/states");
@@ -317,80 +319,6 @@ impl Layout {
         self.set(&view, "Background", dark);
         view
     }
-
-    /// One row of plots for each component of some blocks.
-    fn states(&mut self, name: &str, blocks: &[&BlockSeries]) -> ContainerLike {
-        let count = blocks.iter().map(|b| b.components.len()).sum();
-        self.rows = count;
-        let mut rows: Vec<ContainerLike> = Vec::new();
-        for block in blocks {
-            for k in 0..block.components.len() {
-                self.legend = rows.is_empty();
-                let name = match (blocks.len(), block.components.len()) {
-                    (1, _) => block.components[k].name.clone(),
-                    (_, 1) => block.name.replace('_', " "),
-                    _ => format!("{} {}", block.name.replace('_', " "), block.components[k].name),
-                };
-                let plots = match &block.components[k].plots {
-                    Some(plots) => self.component(&name, block, k, plots),
-                    None if self.ranges => continue,
-                    None => {
-                        self.columns = 1;
-                        let name = block.live_title(&name, k);
-                        vec![self.plot(&name, &[format!("+ {}", block.live_entity(k))], None)]
-                    }
-                };
-                rows.push(Horizontal::new(plots).into());
-            }
-        }
-        Vertical::new(rows).with_name(name).into()
-    }
-
-    /// The plots of a component: over the run, at its end, and the logarithm of its sigma.
-    fn component(
-        &mut self,
-        name: &str,
-        block: &BlockSeries,
-        k: usize,
-        plots: &Plots,
-    ) -> Vec<ContainerLike> {
-        let (pixels, first) = (height(self.rows), self.legend);
-        let end = self.span.map(|(first, last)| end_of_run(first, last));
-        let of = |leaf: &str| format!("+ {}", block.entity(k, leaf));
-        let mut value = vec![of("estimate"), of("truth")];
-        if block.is_smoothed(k) {
-            value.push(of("filtered"));
-        }
-        let mut all = Vec::new();
-        let compared = plots.errors.is_some() && !block.constant;
-        self.columns = if compared { 4 } else { 3 };
-        let unit = plots.value.unit;
-        let whole = label(name, unit);
-        let range = self.legend_at(&plots.legends.value, first, plots.values[0]);
-        all.push(self.plot_of(&whole, &value, Some(range), None, pixels));
-        match &plots.errors {
-            Some([whole, last]) if !block.constant => {
-                let unit = plots.error.unit;
-                let error = [of("error")];
-                let title = label(&format!("{name} {}", block.compared), unit);
-                let range = self.legend_at(&plots.legends.error, first, *whole);
-                all.push(self.plot_of(&title, &error, Some(range), None, pixels));
-                self.legend = false;
-                let title = label(&format!("{name} {}, end", block.compared), unit);
-                all.push(self.plot_of(&title, &error, Some(*last), end, pixels));
-            }
-            _ => {
-                self.legend = false;
-                let title = label(&format!("{name}, end"), unit);
-                all.push(self.plot_of(&title, &value, Some(plots.values[1]), end, pixels));
-            }
-        }
-        let title = format!("{name} sigma {}", powers(plots.error.unit));
-        let sigma = [of("sigma")];
-        let range = self.legend_at(&plots.legends.sigma, first, plots.logarithms);
-        all.push(self.plot_of(&title, &sigma, Some(range), None, pixels));
-        all
-    }
 }
 
 /// The widths of plot and table: all columns of the table are there in a usual window.
@@ -424,11 +352,6 @@ fn in_parts<'a, 'b>(blocks: &'b [&'a BlockSeries]) -> Vec<&'b [&'a BlockSeries]>
         parts.push(&blocks[begin..]);
     }
     parts
-}
-
-/// The label of an axis of powers of ten: `[10^y mm]`.
-fn powers(unit: &str) -> String {
-    if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
 }
 
 /// The share of that many lanes in the height: each is visible in a small window.

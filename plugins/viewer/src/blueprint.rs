@@ -114,11 +114,16 @@ impl Layout {
         Ok(messages)
     }
 
-    /// Gives the next plot a legend where that covers no data, and the `first` plot of a tab in any case:
-    /// returns the range with room for it.
-    pub(crate) fn legend_at(&mut self, place: &Place, first: bool, range: [f64; 2]) -> [f64; 2] {
-        (self.legend, self.corner) = (first || place.free, place.corner);
-        if first { place.room(range) } else { range }
+    /// Gives the next plot a legend where that covers no data, and one that `needs` it in any case: returns
+    /// the range of a plot of that many pixels with room for it.
+    pub(crate) fn legend_at(
+        &mut self,
+        place: &Place,
+        needs: bool,
+        (range, pixels): ([f64; 2], f64),
+    ) -> [f64; 2] {
+        (self.legend, self.corner) = (needs || place.free, place.corner);
+        if needs { place.room(range, pixels) } else { range }
     }
 
     /// The name of a plot with its time: the viewer's axis has numbers without a unit.

@@ -40,8 +40,12 @@ impl Legend {
     fn shares(&self) -> [f64; 2] {
         let width = WINDOW / self.columns.max(1) as f64 - NAMES;
         let wide = LETTER[0] * self.letters as f64 + LETTER[1];
-        let high = LINE[0] * self.lines as f64 + LINE[1];
-        [wide / width, high / height(self.rows)].map(|share| share.min(1.0))
+        [wide / width, self.pixels() / height(self.rows)].map(|share| share.min(1.0))
+    }
+
+    /// The height, pixels.
+    fn pixels(&self) -> f64 {
+        LINE[0] * self.lines as f64 + LINE[1]
     }
 }
 
@@ -52,7 +56,7 @@ pub struct Place {
     pub corner: Corner2D,
     /// Set where it covers no data.
     pub free: bool,
-    /// Height of the legend as a share of that of the plot.
+    /// Height of the legend, pixels.
     height: f64,
 }
 
@@ -63,11 +67,11 @@ impl Default for Place {
 }
 
 impl Place {
-    /// The range of a plot with room for a legend that would cover data: above them.
-    pub fn room(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+    /// The range of a plot of that many pixels with room for a legend that would cover data: above them.
+    pub fn room(&self, [low, high]: [f64; 2], pixels: f64) -> [f64; 2] {
         match self.free {
             true => [low, high],
-            false => [low, low + (high - low) / (1.0 - self.height.min(ROOM))],
+            false => [low, low + (high - low) / (1.0 - (self.height / pixels).min(ROOM))],
         }
     }
 }
@@ -99,7 +103,7 @@ pub fn quietest<const N: usize, const M: usize>(
         }
     }
     let quietest = counts.iter().zip(&CORNERS).min_by_key(|(count, _)| **count);
-    let place = Place { height: tall, ..Place::default() };
+    let place = Place { height: legend.pixels(), ..Place::default() };
     match quietest {
         Some(([0, _], (corner, ..))) => Place { corner: *corner, ..place },
         _ => Place { free: false, ..place },
@@ -123,7 +127,7 @@ impl Layout {
         let legend = Legend { lines: names.len(), letters, columns, rows: self.rows };
         let lines = (|row: &[f64; 1]| *row, 1);
         let place = quietest(&rows, lines, (span.unwrap_or_default(), range), legend);
-        self.legend_at(&place, true, range)
+        self.legend_at(&place, true, (range, height(self.rows)))
     }
 }
 
@@ -155,7 +159,7 @@ mod tests {
         ] {
             let place = place(&rows(line), 1);
             assert_eq!((place.corner, place.free), (corner, true));
-            assert_eq!(place.room([0.0, 1.0]), [0.0, 1.0]);
+            assert_eq!(place.room([0.0, 1.0], height(LEGEND.rows)), [0.0, 1.0]);
         }
         // a line that begins in the middle of the plot leaves its left half free
         let late: Vec<Row<1>> = rows(|_| 0.9).into_iter().skip(50).collect();
@@ -177,9 +181,12 @@ mod tests {
         let everywhere = rows(|x| (500.0 * x).sin().abs());
         let covered = place(&everywhere, 1);
         assert!(!covered.free && covered.corner == Corner2D::RightTop);
-        let [low, high] = covered.room([0.0, 1.0]);
+        let [low, high] = covered.room([0.0, 1.0], height(LEGEND.rows));
         let [_, tall] = LEGEND.shares();
         assert!(low == 0.0 && (high * (1.0 - tall) - 1.0).abs() < 1e-9, "{high}");
+        // in a plot of the whole height it is an eighth
+        let [_, alone] = covered.room([0.0, 1.0], height(1));
+        assert!((1.1..1.2).contains(&alone), "{alone}");
         assert!(place(&everywhere, 0).free);
     }
 }

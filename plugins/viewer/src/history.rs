@@ -3,6 +3,12 @@
 use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::thin::{Merge, ROWS, Thin};
 use navfuse_core::units::time::Time;
+use std::collections::BTreeMap;
+
+/// Number of stretches on both sides in which a saw has its upper edge.
+const REACH: usize = 2;
+/// Ratio of the largest to the smallest value there from which on they are a saw.
+const SAW: f64 = 1.3;
 
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,6 +48,8 @@ pub type Row<const N: usize> = (i64, [f64; N]);
 struct Stretch<const N: usize, const K: usize> {
     extremes: [[Row<N>; 2]; K],
     keys: [usize; K],
+    /// The smallest and the largest value of each column, of all rows.
+    ranges: [[f64; 2]; N],
 }
 
 impl<const N: usize, const K: usize> Stretch<N, K> {
@@ -55,6 +63,9 @@ impl<const N: usize, const K: usize> Stretch<N, K> {
 
 impl<const N: usize, const K: usize> Merge for Stretch<N, K> {
     fn merge(&mut self, next: Self) {
+        for ([least, greatest], [lower, higher]) in self.ranges.iter_mut().zip(next.ranges) {
+            (*least, *greatest) = (least.min(lower), greatest.max(higher));
+        }
         for ((rows, next), key) in self.extremes.iter_mut().zip(next.extremes).zip(self.keys) {
             let [least, greatest] = [rows[0].1[key], rows[1].1[key]];
             let [lower, higher] = [next[0].1[key], next[1].1[key]];
@@ -87,7 +98,8 @@ impl<const N: usize, const K: usize> History<N, K> {
         let row = (time, values);
         self.first.get_or_insert(row);
         self.last = Some(row);
-        self.stretches.push(Stretch { extremes: [[row; 2]; K], keys: self.keys });
+        let (extremes, ranges) = ([[row; 2]; K], values.map(|value| [value; 2]));
+        self.stretches.push(Stretch { extremes, keys: self.keys, ranges });
     }
 
     /// Breaks the line before a time.
@@ -111,6 +123,36 @@ impl<const N: usize, const K: usize> History<N, K> {
         rows.extend(self.breaks.iter().map(|time| (time - 1, [f64::NAN; N])));
         rows.sort_by_key(|row| row.0);
         rows.dedup_by_key(|row| row.0);
+        rows
+    }
+
+    /// The rows, of which a column of a thinned history has the upper edge where it is a saw.
+    ///
+    /// A sigma falls with each sample and grows until the next one. Rows at any place of that saw would draw a
+    /// pattern that the run does not have; its upper edge is one line. The last row stays.
+    pub fn rows_under(&self, column: usize) -> Vec<Row<N>> {
+        let mut rows = self.rows();
+        let stretches = self.stretches.rows();
+        if self.stretches.each() == 1 {
+            return rows;
+        }
+        let mut edges = BTreeMap::new();
+        for (k, stretch) in stretches.iter().enumerate() {
+            let near = &stretches[k.saturating_sub(REACH)..stretches.len().min(k + REACH + 1)];
+            let ranges = near.iter().map(|near| near.ranges[column]);
+            let [low, high] = ranges.fold([f64::NAN; 2], |[l, h], [a, b]| [l.min(a), h.max(b)]);
+            // a slow change has no stairs
+            if high > SAW * low {
+                let first = self.first.iter().filter(|_| k == 0);
+                edges.extend(stretch.rows().chain(first).map(|row| (row.0, high)));
+            }
+        }
+        let last = rows.len().saturating_sub(1);
+        for (time, values) in &mut rows[..last] {
+            // a break stays one
+            let edge = edges.get(time).filter(|_| values[column].is_finite());
+            values[column] = edge.copied().unwrap_or(values[column]);
+        }
         rows
     }
 }
@@ -152,6 +194,25 @@ mod tests {
         let mut full = History::new([0], true);
         (0..10_000).for_each(|t| full.push(t, [t as f64]));
         assert_eq!(full.rows().len(), 10_000);
+    }
+
+    /// A sigma that a sample at every third epoch takes from 4 to 1, with an error of any size.
+    #[test]
+    fn a_saw_is_its_upper_edge_once_it_is_thinned_and_a_short_one_is_itself() {
+        let saw = |count: i64| {
+            let mut history = History::<2, 1>::new([0], false);
+            (0..count).for_each(|t| {
+                history.push(t, [(0.7 * t as f64).sin(), [1.0, 2.0, 4.0][t as usize % 3]])
+            });
+            history
+        };
+        let (rows, upper) = (saw(30_000).rows(), saw(30_000).rows_under(1));
+        let below = |rows: &[Row<2>]| rows.iter().filter(|row| row.1[1] < 4.0).count();
+        assert!(below(&rows) > rows.len() / 2, "{} of {}", below(&rows), rows.len());
+        assert_eq!(below(&upper), usize::from(upper[upper.len() - 1].1[1] < 4.0));
+        assert_eq!(upper.last(), rows.last());
+        assert!(upper.iter().zip(&rows).all(|(a, b)| a.0 == b.0 && a.1[0] == b.1[0]));
+        assert_eq!(saw(90).rows_under(1), saw(90).rows());
     }
 
     #[test]

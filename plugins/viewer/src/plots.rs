@@ -48,6 +48,13 @@ pub struct Legends {
     pub normalised: Place,
 }
 
+impl Legends {
+    /// Those of estimate, error and sigma, which stand in a column each.
+    pub fn columns(&self) -> [&Place; 3] {
+        [&self.value, &self.error, &self.sigma]
+    }
+}
+
 impl Plots {
     /// The ranges in the unit of the block.
     pub fn new(rows: &[Row<4>], own: f64, sizes_of_legends: [Legend; 4]) -> Option<Self> {

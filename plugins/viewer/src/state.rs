@@ -20,6 +20,9 @@ const OF_ESTIMATE: &str = "±3σ of estimate";
 /// Time for which the size of an error is drawn without a new truth, ns.
 const HELD: i64 = 10_000_000_000;
 
+/// The column of sigma in the histories of a component.
+const SIGMA: usize = 1;
+
 /// One component of a block.
 pub struct Component {
     /// Name: `roll`.
@@ -249,7 +252,7 @@ impl BlockSeries {
     /// Writes the whole run, and chooses units and ranges from it. The components of a block have
     /// the same units, except those that a unit larger than the block's own would make small.
     pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        let rows: Vec<_> = self.components.iter().map(|c| c.history.rows()).collect();
+        let rows: Vec<_> = self.components.iter().map(|c| c.history.rows_under(SIGMA)).collect();
         let plots = self.components.iter().zip(&rows);
         let plots = plots.map(|(c, rows)| Plots::new(rows, self.own, self.legends(c, rows)));
         let mut plots: Vec<Option<Plots>> = plots.collect();
@@ -364,7 +367,7 @@ impl BlockSeries {
             true => logarithm(error.abs().max(f64::MIN_POSITIVE)).max(plots.logarithms[0]),
             false => f64::NAN,
         };
-        let filtered = c.filtered.rows();
+        let filtered = c.filtered.rows_under(SIGMA);
         if !filtered.is_empty() {
             let name = format!("filter {name}");
             let ([line, bound], entity) = (FILTERED, self.entity(k, "filtered"));

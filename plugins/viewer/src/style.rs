@@ -16,7 +16,7 @@ pub const GATED: Colour = [255, 0, 200];
 /// The colours of rejected samples, one for each reason.
 pub const REJECTED: [Colour; 4] = [[213, 94, 0], [240, 150, 90], [160, 70, 0], [250, 200, 160]];
 /// The colours of the filter beside the smoothed run, and of its bounds of 3 sigma.
-pub const FILTERED: [Colour; 2] = [[150, 110, 200], [112, 84, 148]];
+pub const FILTERED: [Colour; 2] = [[110, 245, 245], [60, 128, 132]];
 /// The colour of the magnitude of an error.
 pub const MAGNITUDE: Colour = [200, 200, 205];
 /// The colour of the 95 % band of a statistic.
@@ -59,6 +59,11 @@ pub fn label(name: &str, unit: &str) -> String {
     if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]") }
 }
 
+/// The label of an axis of powers of ten: `[10^y mm]`.
+pub fn powers(unit: &str) -> String {
+    if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
+}
+
 /// A name of the scenario as a title: `Gyro bias` for `gyro_bias`.
 pub fn title(name: &str) -> String {
     let words = name.replace('_', " ");
@@ -69,6 +74,21 @@ pub fn title(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The violet before was as bright as the blue of the third axis. Weights are those of the eye.
+    #[test]
+    fn the_filter_is_brighter_than_every_line_beside_it() {
+        let bright = |colour: Colour| -> f64 {
+            colour
+                .iter()
+                .zip([0.2126, 0.7152, 0.0722])
+                .map(|(c, weight)| f64::from(*c) * weight)
+                .sum()
+        };
+        for beside in AXES.into_iter().chain([TRUTH, BOUND, FILTERED[1]]) {
+            assert!(bright(FILTERED[0]) > bright(beside) + 40.0, "{beside:?}");
+        }
+    }
 
     #[test]
     fn the_velocity_of_a_receiver_has_the_colours_of_its_axes() {

@@ -1,7 +1,7 @@
 //! The tabs of the sensors: innovations, NIS and samples.
 
 use super::ROWS;
-use crate::blueprint::Layout;
+use crate::blueprint::{Layout, height};
 use crate::innovation::{SensorSeries, grid};
 use crate::samples::SampleSeries;
 use re_sdk::blueprint::{ContainerLike, Grid, Vertical};
@@ -18,7 +18,7 @@ impl Layout {
         (self.columns, self.rows) = (columns, rows);
         let mut plots = Vec::new();
         if let Some(plot) = &sensor.nis {
-            let range = self.legend_at(&plot.legend, true, plot.range);
+            let range = self.legend_at(&plot.legend, true, (plot.range, height(self.rows)));
             let contents = [format!("+ {}/**", sensor.nis_path)];
             plots.push(self.plot(&plot.name, &contents, Some(range)));
         }
@@ -28,7 +28,11 @@ impl Layout {
             }
             match &channel.plot {
                 Some(plot) => {
-                    let range = self.legend_at(&plot.legend, plots.len() < 2, plot.range);
+                    let range = self.legend_at(
+                        &plot.legend,
+                        plots.len() < 2,
+                        (plot.range, height(self.rows)),
+                    );
                     let contents = [format!("+ {}/**", channel.path)];
                     let name = innovation(&sensor.name, &plot.name);
                     plots.push(self.plot(&name, &contents, Some(range)));
@@ -67,7 +71,7 @@ impl Layout {
         (self.columns, self.rows) = (columns, count.div_ceil(columns));
         let mut plots = Vec::new();
         for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
-            let range = self.legend_at(&plot.legend, true, plot.range);
+            let range = self.legend_at(&plot.legend, true, (plot.range, height(self.rows)));
             let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
             plots.push(self.plot(&plot.name, &contents, Some(range)));
         }
