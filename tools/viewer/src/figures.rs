@@ -4,13 +4,14 @@
 //!
 //! A curve is the entity `/FIGURE/PANEL/CURVE`, an edge of a band `/FIGURE/PANEL/BAND/lower` or
 //! `upper`; a name that is repeated in one place has a number after it. The viewer's plots have
-//! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms. The
-//! title of such a plot has the unit as `[10^y deg]`, and one number of the axis in that unit.
+//! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms, unless
+//! the largest is less than three times the smallest. The title of such a plot has the unit as
+//! `[10^y deg]`, and one number of the axis in that unit.
 
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::nalgebra::UnitQuaternion;
 use navfuse_core::units::time::Time;
-use navfuse_figures::{Band, Figure, Look, Panel, Scale, Track};
+use navfuse_figures::{Axis as Side, Band, Figure, Look, Panel, Scale, Track};
 use navfuse_rerun::overlay::{self, Overlaid, OverlaidPlace};
 use navfuse_rerun::re_sdk::blueprint::{
     ContainerLike, Grid, Horizontal, Tabs, TextDocumentView, Vertical,
@@ -18,6 +19,7 @@ use navfuse_rerun::re_sdk::blueprint::{
 use navfuse_rerun::re_sdk_types::archetypes::TextDocument;
 use navfuse_rerun::style::{BOUND, Colour, path as entity};
 use navfuse_rerun::{Axis, Layout, Live, Recording, Series};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Greatest number of plots in a tab: with three columns each is high enough for three numbers on
@@ -27,6 +29,9 @@ const PLOTS: usize = 12;
 /// make the range: otherwise a transient at the start flattens the rest.
 const START: f64 = 0.1;
 const FLATTENED: f64 = 4.0;
+/// Ratio of the largest to the smallest value of a panel up to which its axis is linear: from -1.000 to -1.004
+/// a reader sees no 10 %.
+const NARROW: f64 = 3.0;
 
 /// Space on the bar of tabs, in letters. If the titles need more, the tabs show the names of the
 /// figures.
@@ -138,6 +143,7 @@ impl Writer<'_> {
             let mut plots = Vec::new();
             let mut explained = None;
             for panel in panels {
+                let panel = &*readable(panel);
                 // one legend is enough for successive panels with the same curves
                 let curves = legend(panel);
                 let parts = [stem.as_str(), &unique.unique(&panel.title)];
@@ -190,6 +196,26 @@ impl Names {
         self.0.push(unique.clone());
         unique
     }
+}
+
+/// The panel with a linear axis, where a logarithmic one would show a part of a decade.
+fn readable(panel: &Panel) -> Cow<'_, Panel> {
+    if panel.y.scale != Scale::Logarithmic || panel.y.limits.is_some() {
+        return Cow::Borrowed(panel);
+    }
+    let curves = panel.curves.iter().flat_map(|c| c.points.iter().copied());
+    let bands = panel.bands.iter().flat_map(|b| &b.points);
+    let points = curves.chain(bands.flat_map(|p| [[p[0], p[1]], [p[0], p[2]]]));
+    let points = points.filter(|p| p[0].is_finite() && p[1].is_finite() && p[1] > 0.0).collect();
+    let [low, high] = Extremes { points }.usual();
+    if !(low > 0.0 && high <= NARROW * low) {
+        return Cow::Borrowed(panel);
+    }
+    let label = match panel.y.label.as_str() {
+        label if label.is_empty() || label.contains('[') => label.to_owned(),
+        unit => format!("[{unit}]"),
+    };
+    Cow::Owned(Panel { y: Side::linear(label), ..panel.clone() })
 }
 
 /// The entries of a legend.
@@ -252,6 +278,12 @@ impl Extremes {
                 Scale::Linear | Scale::Time | Scale::Map => limits,
             });
         }
+        let range = self.usual();
+        (range[0] <= range[1]).then_some(range)
+    }
+
+    /// The range of all values, but without the start where that would flatten the rest.
+    fn usual(&self) -> [f64; 2] {
         let over = |k: usize, from: f64| {
             let values = self.points.iter().filter(|p| p[0] >= from).map(|p| p[k]);
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
@@ -261,8 +293,7 @@ impl Extremes {
         let later = over(1, first + START * (last - first));
         let flattened = whole[1] - whole[0] > FLATTENED * (later[1] - later[0]);
         let flat = later[1] <= later[0];
-        let range = if flattened && !flat { later } else { whole };
-        (range[0] <= range[1]).then_some(range)
+        if flattened && !flat { later } else { whole }
     }
 }
 

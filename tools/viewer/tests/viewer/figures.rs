@@ -119,6 +119,24 @@ fn same(rows: &[(f64, f64)], points: &[[f64; 2]]) -> bool {
         && rows.iter().zip(points).all(|(r, p)| at(r.0, p[0]) && equal(r.1, p[1]))
 }
 
+/// A sigma from 1 to 1.1 m is a line from 0 to 0.04 on an axis of decimal logarithms.
+#[test]
+fn a_logarithmic_axis_of_a_part_of_a_decade_is_linear() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("figures.rrd");
+    let sigma = |f: fn(f64) -> f64| vec![curve("sigma", Look::Sigma, f)];
+    let panels = vec![
+        panel("north", Axis::logarithmic("m"), sigma(|t| 1.0 + t / 20_000.0)),
+        panel("down", Axis::logarithmic("m"), sigma(|t| 1.0 + t)),
+    ];
+    let figure = Figure { name: "bound".into(), title: "Bound".into(), columns: 2, panels };
+    record(&path, "a bound", None, &[], std::slice::from_ref(&figure)).unwrap();
+    assert!(same(&scalars(&path)["bound/north/sigma"], &figure.panels[0].curves[0].points));
+    let views: Vec<String> = Layout::read(&path).views.into_keys().collect();
+    assert!(views.contains(&"north [m]".to_owned()), "{views:?}");
+    assert!(views.iter().any(|view| view.starts_with("down [10^y m]")), "{views:?}");
+}
+
 #[test]
 fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
