@@ -110,7 +110,7 @@ fn position(summary: &Summary) -> Option<[f64; 3]> {
 pub(crate) fn words(row: &StateRow) -> String {
     let values = row.estimate.iter().zip(&row.sigma).map(|(value, sigma)| {
         let digits = (1.0 - sigma.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.digits$} +- {sigma:.digits$}")
+        format!("{value:.digits$} ± {sigma:.digits$}")
     });
     format!("{} {}", values.collect::<Vec<_>>().join(", "), row.unit)
 }

@@ -14,6 +14,10 @@ use plotters::style::{Color, FontStyle, FontTransform};
 
 /// Radius of a point, page pixels.
 pub const RADIUS: f64 = 1.8;
+/// Number of points up to which each is one to look at, such as a method or a change, and their radius, page
+/// pixels.
+const FEW: usize = 30;
+const FEW_RADIUS: f64 = 3.2;
 /// Length of a tick, page pixels.
 const MARK: f64 = 4.0;
 /// Height of a line of text, page pixels.
@@ -126,6 +130,7 @@ impl<'a> Prepared<'a> {
         for curve in &self.panel.curves {
             let style = stroke(curve.look);
             let points = matches!(curve.look, Look::Points(_));
+            let radius = if points && curve.points.len() <= FEW { FEW_RADIUS } else { RADIUS };
             // a line of one point would be invisible
             let (dots, lines): (Vec<_>, Vec<_>) =
                 self.pieces(curve).into_iter().partition(|p| points || p.len() == 1);
@@ -133,7 +138,7 @@ impl<'a> Prepared<'a> {
                 lines.into_iter().map(|p| PathElement::new(simplified(p, unit), style)),
             )?;
             chart.draw_series(
-                dots.into_iter().flatten().map(|p| Circle::new(p, units(RADIUS), dot(curve.look))),
+                dots.into_iter().flatten().map(|p| Circle::new(p, units(radius), dot(curve.look))),
             )?;
         }
         let corner = |x: f64, y: f64| (units(x), units(y));

@@ -74,7 +74,7 @@ pub(crate) fn innovations(sensor: &SensorHistory, place: Option<&Row>) -> Option
 
 /// The name of a channel, its display unit, and the factor from SI to that unit; an angle on the Earth
 /// is a distance.
-fn quantity(column: &str, place: Option<&Row>) -> (String, Cow<'static, str>, f64) {
+pub(crate) fn quantity(column: &str, place: Option<&Row>) -> (String, Cow<'static, str>, f64) {
     let (name, unit, factor) = channel(column);
     let axis = match name.as_str() {
         "latitude" => 0,

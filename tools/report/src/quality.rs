@@ -3,6 +3,7 @@
 
 use crate::histogram::{ALPHA, Bar, histogram};
 use crate::history::{BlockHistory, Row, displacement};
+use crate::innovations::quantity;
 use crate::plots::{curve, label, over_time};
 use crate::residuals::{BARS, EDGE, LAGS, Residuals};
 use crate::sensors::SensorHistory;
@@ -57,12 +58,12 @@ fn place(bar: usize) -> f64 {
     2.0 * EDGE * bar as f64 / BARS as f64 - EDGE
 }
 
-/// Plots the histogram and the autocorrelation of a sensor's innovations, a column for each channel.
-/// `None` for a sensor with too few of them.
-pub fn residuals(sensor: &SensorHistory) -> Option<Figure> {
+/// Plots the histogram and the autocorrelation of a sensor's innovations, a column for each channel, with the
+/// names of the innovations at a place. `None` for a sensor with too few of them.
+pub fn residuals(sensor: &SensorHistory, place: Option<&Row>) -> Option<Figure> {
     let channels = sensor.channels.iter().zip(&sensor.updates.residuals);
     let known: Vec<_> = channels.filter(|(_, r)| r.count >= FEWEST).collect();
-    let name = |channel: &str| crate::plots::channel(channel).0;
+    let name = |channel: &str| quantity(channel, place).0;
     // a column for each channel, in rows that fit
     let (columns, mut panels) = (known.len().clamp(2, COLUMNS), Vec::new());
     for row in known.chunks(if known.len() == 1 { 1 } else { columns }) {

@@ -51,13 +51,19 @@ pub fn page(
             }
             section #plots {
                 h2 { "Figures" }
-                (titled(known().filter_map(figure))?)
+                @let figures: Vec<Figure> = known().filter_map(figure).collect();
                 p.note {
-                    "Error over sigma of each run. A consistent method follows the dotted line; "
-                    "chance leaves 95 of 100 bars in the band. The outer bars hold everything "
-                    "beyond. A method without sigma, or with fewer than " (FEWEST)
-                    " runs, has no figure."
+                    @if figures.is_empty() {
+                        "A figure shows the distribution of error over sigma in " (FEWEST)
+                        " runs or more. Here are " (seeds.len()) "."
+                    } @else {
+                        "Error over sigma of each run. A consistent method follows the dotted line; "
+                        "chance leaves 95 of 100 bars in the band. The outer bars hold everything "
+                        "beyond. A method without sigma, or with fewer than " (FEWEST)
+                        " runs, has no figure."
+                    }
                 }
+                (titled(figures)?)
             }
             (scenario_section("TOML, as it was run", scenario))
         }
@@ -124,7 +130,7 @@ fn table<'a>(methods: impl Iterator<Item = &'a Repeated>) -> Markup {
                 tr.first {
                     th { (method.name) } td.name { "error" } (cells(errors))
                     td { @if let Some(t) = method.settled_after() { (format!("{t:.0} s")) } }
-                    td { (method.runs.len()) } td.name { (method.sensors) }
+                    td { (method.runs.len()) } td.text { (method.sensors) }
                 }
                 @if ratios.iter().any(Option::is_some) {
                     tr { th {} td.name { "sigma" } (cells(sigmas)) td {} td {} td {} }

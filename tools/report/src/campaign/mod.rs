@@ -235,6 +235,10 @@ fn bound(point: &PointReport, statistics: &PointStatistics) -> Markup {
                     }
                 } }
             } }
+            p.note {
+                "1-sigma of the best filter at the begin and at the end. Smoothed, rms: that of the best "
+                "estimate from all samples, as root mean square over the run."
+            }
         }
     }
 }

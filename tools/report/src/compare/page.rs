@@ -21,7 +21,7 @@ pub fn comparison(
     figures: &[Figure],
 ) -> Result<String, FigureError> {
     let names: Vec<&str> = comparison.runs.iter().map(|r| r.letter.as_str()).collect();
-    let title = format!("Comparison of {}", names.join(", "));
+    let title = format!("Comparison of {} runs", names.len());
     let first = names.first().copied().unwrap_or_default();
     let body = html! {
         header {
@@ -96,14 +96,18 @@ fn runs(comparison: &Comparison) -> Markup {
                         td { (metres(run.final_error_m)) }
                         td { (metres(run.rms_error_m)) }
                         td.more { (run.warnings) }
-                        td.text.bad[run.is_doubted()] {
-                            (run.verdict_text.as_deref().unwrap_or("not judged"))
-                        }
+                        td.name.bad[run.is_doubted()] { (run.words()) }
                     }
                 }
             }
         } }
         p.note { "Errors: horizontal, against the reference." }
+        // the reasons are too long for a column
+        ul { @for run in &comparison.runs {
+            li.bad[run.is_doubted()] {
+                b { (run.letter) } ": " (run.verdict_text.as_deref().unwrap_or("not judged"))
+            }
+        } }
     }
 }
 

@@ -232,7 +232,8 @@ pub fn report(
                     "before. Gated samples count."
                 }
                 @for sensor in measuring() {
-                    @if let Some(figure) = quality::residuals(sensor) {
+                    @let place = history.position().map(|p| &p.last);
+                    @if let Some(figure) = quality::residuals(sensor, place) {
                         h3 { (sensor.name) }
                         (picture(&figure, &html! {})?)
                     }
