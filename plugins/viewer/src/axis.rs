@@ -119,11 +119,11 @@ pub fn short(x: f64) -> String {
     }
 }
 
-/// Size of a length from which on tables have it in metres, m.
+/// Size of a length from which on tables and plots of errors have it in metres, m.
 const METRES: f64 = 0.005;
 
-/// The unit of a table of states, for states of that size: a length is in metres, as in the report and in
-/// the pages of other runs, unless it is very small.
+/// The unit of errors of that size in plots and in the table of states: a length is in metres, as in the report
+/// and in the pages of other runs, unless it is very small.
 pub fn table(unit: &str, size: f64) -> Scale<'_> {
     match unit {
         "m" if size >= METRES => Scale { unit, size: 1.0 },

@@ -134,7 +134,8 @@ impl Plots {
         // a depth of 45 m is not read in the kilometres of north and east
         let small = large.size > 1.0 && self.sizes()[0] < axis::LEAST * large.size;
         self.value = if unit.is_empty() || small { one } else { large };
-        self.error = axis::scale(unit, error);
+        // the unit of the table of states
+        self.error = axis::table(unit, error);
         let (v, e) = (self.value.size, self.error.size);
         self.values.iter_mut().flatten().for_each(|x| *x /= v);
         self.errors.iter_mut().flatten().flatten().for_each(|x| *x /= e);

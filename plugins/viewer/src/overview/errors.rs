@@ -213,7 +213,11 @@ pub fn states(run: &Run) -> String {
     };
     for &(b, k) in &shown {
         let c = &blocks[b].components[k];
-        let scale = axis::table(c.unit, size(c.unit));
+        // the unit of its plot, once there is one
+        let scale = match &c.plots {
+            Some(plots) => plots.error,
+            None => axis::table(c.unit, size(c.unit)),
+        };
         let sigma = short(c.tally.sigma / scale.size);
         let (name, unit) = (blocks[b].full_name(k), scale.unit);
         let _ = match (c.tally.error, c.tally.worst) {
