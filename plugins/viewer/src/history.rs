@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 
 /// Number of stretches on both sides in which a saw has its upper edge.
 const REACH: usize = 2;
-/// Ratio of the largest to the smallest value there from which on they are a saw.
+/// Ratio of the largest to the smallest value of a stretch from which on it goes up or down; a saw does so in
+/// several stretches.
 const SAW: f64 = 1.3;
 
 /// Finds the gaps in a sequence of times.
@@ -139,10 +140,10 @@ impl<const N: usize, const K: usize> History<N, K> {
         let mut edges = BTreeMap::new();
         for (k, stretch) in stretches.iter().enumerate() {
             let near = &stretches[k.saturating_sub(REACH)..stretches.len().min(k + REACH + 1)];
-            let ranges = near.iter().map(|near| near.ranges[column]);
-            let [low, high] = ranges.fold([f64::NAN; 2], |[l, h], [a, b]| [l.min(a), h.max(b)]);
-            // a slow change has no stairs
-            if high > SAW * low {
+            let ranges = || near.iter().map(|near| near.ranges[column]);
+            let high = ranges().fold(f64::NAN, |high, range| high.max(range[1]));
+            // one step up or down is no saw, and stays where it is
+            if ranges().filter(|[low, high]| *high > SAW * low).count() > 1 {
                 let first = self.first.iter().filter(|_| k == 0);
                 edges.extend(stretch.rows().chain(first).map(|row| (row.0, high)));
             }
@@ -213,6 +214,17 @@ mod tests {
         assert_eq!(upper.last(), rows.last());
         assert!(upper.iter().zip(&rows).all(|(a, b)| a.0 == b.0 && a.1[0] == b.1[0]));
         assert_eq!(saw(90).rows_under(1), saw(90).rows());
+    }
+
+    /// A sigma that falls from 4 to 1 once, within 1000 of 30000 epochs, falls where it does.
+    #[test]
+    fn a_sigma_that_converges_once_is_no_saw() {
+        let mut history = History::<2, 1>::new([0], false);
+        for t in 0..30_000 {
+            let sigma = 1.0 + 3.0 * (1.0 - (t - 5000) as f64 / 1000.0).clamp(0.0, 1.0);
+            history.push(t, [(0.7 * t as f64).sin(), sigma]);
+        }
+        assert_eq!(history.rows_under(1), history.rows());
     }
 
     #[test]
