@@ -38,7 +38,8 @@ impl Framing for Lines {
     const MAX: usize = 512;
 
     fn find(&self, bytes: &[u8]) -> Option<usize> {
-        bytes.iter().position(|b| !self.separates(*b))
+        let begins = |b: &u8| if self.begun { !self.separates(*b) } else { *b == MARK[0] };
+        bytes.iter().position(begins)
     }
 
     fn judge(&self, bytes: &[u8]) -> Judgement {
@@ -121,5 +122,17 @@ impl<R: Read + Send> Decoder for Psins<R> {
 
     fn damage(&self) -> &Damage {
         self.frames.damage()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_before_the_first_line_are_passed_without_being_judged() {
+        let lines = Lines::default();
+        assert_eq!(lines.find(b"{\"gyro\": [0.1, 0.2]} % PSINS"), Some(22));
+        assert_eq!(lines.find(b"{\"gyro\": [0.1, 0.2]}"), None);
     }
 }
