@@ -43,6 +43,8 @@ const LEAPS: [f64; 5] = [17.0, 18.0, 27.0, 36.0, 37.0];
 /// Differences of clocks that count from other midnights, weeks, years or zones are multiples of this, s:
 /// the offset of Nepal is a quarter of an hour.
 const ZONE: f64 = 900.0;
+/// Longest time, s, between the beginnings of two recordings that were made together.
+const TOGETHER: f64 = 60.0;
 
 /// Offset, s, that matters, and the number of sigmas from which a drift is one.
 const MATTERS: f64 = 0.02;
@@ -112,7 +114,16 @@ fn compare_apart(
         let start = wide::search(imu, measured, apart)?;
         [LARGEST, AROUND].into_iter().find_map(|width| within(start, width))
     };
-    let (start, width) = within(0.0, LARGEST).or_else(wide)?;
+    // recordings without a time in common that begin together but for a zone were stamped in two
+    let zone = || {
+        let ([begin, end], times) = (imu.span()?, measured.times());
+        let apart = times.first()? - begin;
+        let whole = (apart / ZONE).round() * ZONE;
+        let other = whole != 0.0 && (begin + apart > end || times.last()? < &begin);
+        let near = other && (apart - whole).abs() < TOGETHER;
+        near.then(|| within(whole, LARGEST)).flatten()
+    };
+    let (start, width) = within(0.0, LARGEST).or_else(zone).or_else(wide)?;
     let differences = Differences::new(imu, measured, apart, start);
     let line = differences.inside([start - width, start + width]).line(start, apart, shared)?;
     let clock = ClockOffset { offset: line.offset, drift: line.drift, means: measured.means() };

@@ -195,3 +195,19 @@ fn a_drift_above_a_percent_is_printed_in_percent() {
     assert!(of(-0.173_814).contains("a drift of -17.4 %, sigma 1.7 %"), "{}", of(-0.173_814));
     assert!(of(120e-6).contains("a drift of 120 ppm, sigma 12 ppm"), "{}", of(120e-6));
 }
+
+#[test]
+fn recordings_of_two_zones_that_begin_together_are_compared_near_the_zone() {
+    let mut noise = Noise(5);
+    let imu = imu(84, &mut noise);
+    let mut courses = Measured::Ground(Vec::new());
+    for k in 0..420 {
+        let t = 0.2 * f64::from(k);
+        let [heading, _, speed, _] = motion(t);
+        let [north, east] =
+            [heading.cos(), heading.sin()].map(|x| 4.0 * speed * x + 0.3 * noise.next());
+        courses.ground(t + 5.0 * 3600.0, north, east);
+    }
+    let [offset, _] = compare(&imu, &courses).unwrap().offset;
+    assert!((offset - 18_000.0).abs() < 1.0, "{offset}");
+}
