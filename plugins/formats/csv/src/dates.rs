@@ -40,7 +40,7 @@ fn named(text: &str) -> Option<i64> {
     let (mut month, mut day, mut year, mut half, mut zone) = (None, None, None, None, "");
     let mut time: Option<(u8, String)> = None;
     for token in text.split([' ', ',', '\t']).filter(|token| !token.is_empty()) {
-        if token.contains(':') && !token.starts_with(['+', '-']) {
+        if token.contains(':') && offset(token).is_none() {
             // `2023-Nov-14T22:13:20`, and the hour and the rest of the time
             let token = match token.split_once('T') {
                 Some((date, clock)) if date.contains('-') => {
@@ -51,8 +51,8 @@ fn named(text: &str) -> Option<i64> {
             };
             let (hour, rest) = token.split_once(':')?;
             time = Some((hour.parse().ok()?, rest.to_owned()));
-        } else if token.starts_with(['+', '-']) && time.is_some() {
-            zone = token;
+        } else if let Some(offset) = offset(token).filter(|_| time.is_some()) {
+            zone = offset;
         } else {
             match token.to_ascii_lowercase().as_str() {
                 "am" => half = Some(0),
@@ -69,6 +69,13 @@ fn named(text: &str) -> Option<i64> {
         None => (hour, 0),
     };
     joined(year?, month?, day?, &format!("{hour:02}:{rest}{zone}"))?.checked_add(half)
+}
+
+/// The offset of a zone, as `+01:00` or `GMT+01:00`.
+fn offset(token: &str) -> Option<&str> {
+    let prefixes = ["", "GMT", "UTC"].into_iter();
+    let mut rests = prefixes.filter_map(|prefix| token.strip_prefix(prefix));
+    rests.find(|rest| rest.starts_with(['+', '-']))
 }
 
 /// Takes month, day and year from parts such as `14-Nov-2023`, `Nov` or `14`.
@@ -174,6 +181,7 @@ mod tests {
             "Tue Nov 14 22:13:20.25 2023",
             "Tue, 14 Nov 2023 22:13:20.25 GMT",
             "14/Nov/23 23:13:20.25 +0100",
+            "Tue Nov 14 23:13:20.25 GMT+01:00 2023",
             "2023-Nov-14T22:13:20.25Z",
             "2023:318:22:13:20.25",
             "2023-318T22:13:20.25Z",

@@ -16,9 +16,14 @@ pub fn text(bytes: &[u8]) -> Cow<'_, str> {
     bytes.split_inclusive(|b| *b == b'\n').map(line).collect::<String>().into()
 }
 
-/// A number whose digits stand in groups of three, such as `1,234.5`, without the commas; `None` for any other cell.
+/// A number whose digits stand in groups of three, such as `1,234.5`, without the commas; `None` for any other cell. Where
+/// commas do not separate cells, one comma alone may begin decimals: the number then needs a second one, or a point.
 #[must_use]
-pub fn ungrouped(cell: &[u8]) -> Option<Vec<u8>> {
+pub fn ungrouped(cell: &[u8], between_commas: bool) -> Option<Vec<u8>> {
+    let marks = cell.iter().filter(|b| [b',', b'.'].contains(b)).count();
+    if !between_commas && marks < 2 {
+        return None;
+    }
     let digits = cell.strip_prefix(b"-").unwrap_or(cell);
     let whole = digits.split(|b| *b == b'.').next()?;
     let mut groups = whole.split(|b| *b == b',');
@@ -38,9 +43,16 @@ mod tests {
 
     #[test]
     fn groups_of_three_digits_are_one_number_and_other_commas_are_none() {
-        let number = |cell: &str| ungrouped(cell.as_bytes()).map(|n| String::from_utf8(n).unwrap());
+        let between = |cell: &str, commas: bool| {
+            ungrouped(cell.as_bytes(), commas).map(|n| String::from_utf8(n).unwrap())
+        };
+        let number = |cell: &str| between(cell, true);
         assert_eq!(number("-1,234,010.25").as_deref(), Some("-1234010.25"));
         assert_eq!(number("12,345").as_deref(), Some("12345"));
+        // between tabs
+        assert_eq!(between("1,234,010", false).as_deref(), Some("1234010"));
+        assert_eq!(between("1,234.5", false).as_deref(), Some("1234.5"));
+        assert_eq!(between("12,345", false), None);
         // decimal commas, lists, and a number without groups
         for cell in
             ["0,123", "9,81", "1,2,3", "1234", "1,2345", "1,234,", "1.5,234", "", ",123", "-"]

@@ -79,8 +79,9 @@ fn split(line: &str, delimiter: Option<char>) -> Vec<String> {
     let clean = |cell: &str| {
         let cell = cell.trim().trim_matches('"').trim();
         // as the source reads a quoted number between commas
-        let grouped = delimiter == Some(',') && cell.contains(',');
-        let plain = grouped.then(|| navfuse_csv::ungrouped(cell.as_bytes())).flatten();
+        let commas = delimiter == Some(',');
+        let read = || navfuse_csv::ungrouped(cell.as_bytes(), commas);
+        let plain = cell.contains(',').then(read).flatten();
         let number = || with_unit(cell).map_or(cell, |(number, _)| number).to_owned();
         plain.and_then(|n| String::from_utf8(n).ok()).unwrap_or_else(number)
     };
@@ -154,11 +155,18 @@ fn score(lines: &[&str], delimiter: Option<char>) -> (f64, usize) {
     best.map_or((0.0, 0), |(width, score)| (score, width))
 }
 
+/// Tests whether a cell has the pattern of a date or of a time, `yyyy-mm-dd`.
+fn is_pattern(cell: &str) -> bool {
+    let mut parts = cell.split(['-', ':', '/', '.']);
+    cell.len() > 3 && parts.all(|p| !p.is_empty() && p.chars().all(|c| "ymdhs".contains(c)))
+}
+
 /// Tests whether cells below headings are units: all that are not empty, and one with two letters.
 fn are_units(cells: &[String]) -> bool {
     let bracketed = |cell: &str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
     let unit = |cell: &String| {
-        cell.is_empty() || bracketed(cell) || parts::is_part(cell) || expression(cell).is_some()
+        let empty = cell.is_empty() || is_pattern(cell);
+        empty || bracketed(cell) || parts::is_part(cell) || expression(cell).is_some()
     };
     let (units, filled) =
         (cells.iter().filter(|c| unit(c)), cells.iter().filter(|c| !c.is_empty()));
@@ -293,7 +301,16 @@ impl Layout {
         }
         let mut titles = titles.into_iter();
         let mut last = titles.next_back();
-        if let Some(above) = titles.clone().next_back()
+        // or units stand above the headings, as those of Garmin do
+        if let Some((_, units)) = titles.clone().next_back().filter(|title| {
+            WORDS * known(title) < best
+                && best > 0
+                && last.as_ref().is_some_and(|l| known(l) == best)
+                && are_units(&title.1)
+        }) {
+            self.units = units;
+            titles.next_back();
+        } else if let Some(above) = titles.clone().next_back()
             && let Some((_, units)) = last.clone().filter(|(_, cells)| are_units(cells))
         {
             self.units = units;
@@ -460,5 +477,25 @@ mod tests {
         let text = head.to_owned() + &(0..9).map(row).collect::<String>();
         let layout = Layout::of(&text).unwrap();
         assert_eq!((layout.width(), layout.headings[0].as_str()), (10, "Time"));
+    }
+
+    #[test]
+    fn units_may_stand_above_the_headings_in_a_comment() {
+        let head = "#yyyy-mm-dd, hh:mm:ss, ident, degrees, degrees, ft msl, kt\n \
+                    Lcl Date, Lcl Time, AtvWpt, Latitude, Longitude, AltMSL, GndSpd\n";
+        let row = |k: usize| format!("2023-11-14, 22:13:{k}, KMUC, 48.1{k}, 11.5, 1640.{k}, 5\n");
+        let layout =
+            Layout::of(&(head.to_owned() + &(10..40).map(row).collect::<String>())).unwrap();
+        assert_eq!(layout.units[5], "ft msl");
+        assert_eq!(layout.headings[5], "AltMSL");
+    }
+
+    #[test]
+    fn a_row_that_numbers_the_columns_is_no_sample() {
+        let head = "\"Time\",\"a\",\"b\",\"c\",\"d\"\n\"s\",\"g\",\"g\",\"g\",\"m\"\n\"1\",\"2\",\"3\",\"4\",\"5\"\n\n";
+        let row = |k: usize| format!("\"{}\",\"0.1\",\"0.2\",\"0.{k}\",\"7\"\n", k as f64 / 9.0);
+        let layout =
+            Layout::of(&(head.to_owned() + &(0..30).map(row).collect::<String>())).unwrap();
+        assert_eq!((layout.skip, layout.rows[0][1].as_str()), (4, "0.1"));
     }
 }

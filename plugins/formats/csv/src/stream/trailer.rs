@@ -11,9 +11,9 @@ impl Stream {
     pub(super) fn read_row(&mut self) -> Result<bool, csv::Error> {
         self.reader.get_mut().begin_row();
         let more = self.reader.read_byte_record(&mut self.record)?;
-        // between commas, only a quoted cell can hold one
-        if self.comma && self.record.as_slice().contains(&b',') {
-            let plain = |cell: &[u8]| ungrouped(cell).unwrap_or_else(|| cell.to_vec());
+        // between commas, only a quoted cell can hold one; decimal commas have become points
+        if self.record.as_slice().contains(&b',') {
+            let plain = |cell: &[u8]| ungrouped(cell, self.comma).unwrap_or_else(|| cell.to_vec());
             self.record = self.record.iter().map(plain).collect();
         }
         self.suffixes.remove(&mut self.record);

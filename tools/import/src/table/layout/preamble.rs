@@ -5,8 +5,11 @@ use super::{is_number, uncommented};
 /// Share of the rows with a number in a column that then has no words, and the least number of rows.
 const SHARE: f64 = 0.9;
 const LEAST: usize = 20;
+/// Number of columns from which a row that counts them is no sample.
+const NUMBERED: usize = 4;
 
-/// The number of rows of a preamble at the beginning, `Samples 100 100`: they have words in columns of numbers.
+/// The number of rows of a preamble at the beginning, `Samples 100 100`: they have words in columns of numbers, or number
+/// the columns.
 pub(super) fn length(rows: &[(usize, Vec<String>)]) -> usize {
     let width = rows.first().map_or(0, |(_, row)| row.len());
     let number = |cell: &String| cell.is_empty() || navfuse_csv::is_absent(cell) || is_number(cell);
@@ -19,7 +22,13 @@ pub(super) fn length(rows: &[(usize, Vec<String>)]) -> usize {
     }
     let columns: Vec<usize> = (0..width).filter(of_numbers).collect();
     let fits = |row: &[String]| columns.iter().all(|k| row.get(*k).is_some_and(number));
-    rows.iter().position(|(_, row)| fits(row)).unwrap_or(0)
+    let words = rows.iter().position(|(_, row)| fits(row)).unwrap_or(0);
+    // a row that numbers the columns, as RaceStudio writes it below the units
+    let numbers = |from: usize| {
+        let row = &rows[words].1;
+        width > NUMBERED && row.iter().enumerate().all(|(k, cell)| cell.parse() == Ok(k + from))
+    };
+    words + usize::from(numbers(1) || numbers(0))
 }
 
 /// Headings with one for the first column, where none of a table of R stands over it, and it counts the rows from one.
