@@ -36,6 +36,9 @@ const ORDER: [&str; 10] = [
     "attitude",
 ];
 
+/// Words in the name of a file whose positions are compared alone.
+pub const REFERENCES: [&str; 2] = ["reference", "truth"];
+
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reader {
@@ -134,6 +137,7 @@ impl Recording {
         recording.use_odometry()?;
         recording.join_halves();
         recording.join_velocity()?;
+        recording.aid_by_poses();
         recording.split_poses();
         if recording.part("imu").is_none() && !recording.drive_by_attitude() {
             return Err(recording.without_imu());
@@ -292,7 +296,7 @@ impl Recording {
         self.contents.push((file.to_owned(), has));
         for mut found in found {
             let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
-            let is_reference = stem.is_some_and(|s| s.contains("reference") || s.contains("truth"));
+            let is_reference = stem.is_some_and(|s| REFERENCES.iter().any(|word| s.contains(word)));
             if found.kind == "gnss" && is_reference {
                 found.kind = "reference";
             }

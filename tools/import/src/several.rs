@@ -1,7 +1,7 @@
 //! A sensor in several files: its channels in two of them, or its rows in one after another.
 
 use crate::found::{Found, ORIGIN};
-use crate::recording::{Part, Reader, Recording};
+use crate::recording::{Part, REFERENCES, Reader, Recording};
 use crate::samples::Samples;
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
@@ -70,6 +70,30 @@ impl Recording {
         let samples = Samples::default();
         let then = Vec::new();
         self.parts.push(Part { name, found, reader, file, lever_arm: None, more, then, samples });
+    }
+
+    /// Takes a table of poses for a receiver where no other file aids the inertial unit, and the name of the file does not
+    /// call it a reference.
+    pub fn aid_by_poses(&mut self) {
+        let driven = self.part("imu").is_some();
+        let alone = self.parts.iter().all(|part| ["imu", "reference"].contains(&part.name));
+        let poses = |part: &&mut Part| part.name == "reference" && !part.found.apart.is_empty();
+        let named = |part: &Part| {
+            let stem = part.file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
+            stem.is_some_and(|s| REFERENCES.iter().any(|word| s.contains(word)))
+        };
+        let part = self.parts.iter_mut().find(poses).filter(|part| !named(part));
+        let Some(part) = part.filter(|_| driven && alone && self.velocity.is_none()) else {
+            return;
+        };
+        if let Some(found) = part.found.apart.iter().find(|found| found.kind == "gnss") {
+            (part.name, part.found) = ("gnss", found.clone());
+            self.notes.push(format!(
+                "gnss: no other file aids the IMU: the positions of {} are taken for those of a receiver; with \
+                 `reference` in the name of the file they are compared alone",
+                part.file.display()
+            ));
+        }
     }
 
     /// Adds the velocity of a receiver to its positions in another table.

@@ -13,6 +13,8 @@ const FASTEST: f64 = 350.0;
 const STEADY: f64 = 1e3;
 /// Distance, m, from latitude and longitude zero.
 const NOWHERE: f64 = 1e5;
+/// Least number of rows with a position.
+const LEAST: usize = 3;
 /// Largest height, m.
 const HIGHEST: f64 = 2e4;
 /// The channels of a position in the order of the columns.
@@ -63,7 +65,15 @@ pub fn in_quaternion(columns: &[Vec<f64>], first: usize) -> bool {
 
 /// The channels of three columns that are latitude, longitude and height, in their order.
 pub fn order(seconds: &[f64], columns: &[Vec<f64>], first: usize) -> Option<[&'static str; 3]> {
-    let [a, b, height] = [0, 1, 2].map(|k| columns[first + k].as_slice());
+    // rows of another sensor have no position
+    let whole = |row: &usize| (first..first + 3).all(|k| columns[k][*row].is_finite());
+    let rows: Vec<usize> = (0..seconds.len()).filter(whole).collect();
+    let some = |values: &[f64]| rows.iter().map(|row| values[*row]).collect::<Vec<f64>>();
+    if rows.len() < seconds.len().min(LEAST) {
+        return None;
+    }
+    let [a, b, height] = [0, 1, 2].map(|k| some(&columns[first + k]));
+    let (a, b, height, seconds) = (&a[..], &b[..], &height[..], &some(seconds)[..]);
     let fractions = |values: &[f64]| values.iter().any(|v| v.fract() != 0.0);
     let radians = within(a, PI) && within(b, PI) && (within(a, FRAC_PI_2) || within(b, FRAC_PI_2));
     let metre = if radians { RADIAN } else { DEGREE };
@@ -100,7 +110,9 @@ pub fn order(seconds: &[f64], columns: &[Vec<f64>], first: usize) -> Option<[&'s
 /// Tests whether two columns are far from the angles that an attitude in radians has.
 pub fn is_far(columns: &[Vec<f64>], first: usize) -> bool {
     let beyond = |values: &[f64], limit: f64| values.iter().all(|v| v.abs() > limit);
-    let [a, b] = [0, 1].map(|k| columns[first + k].as_slice());
+    let finite = |k: usize| columns[first + k].iter().copied().filter(|v| v.is_finite());
+    let [a, b] = [0, 1].map(|k| finite(k).collect::<Vec<f64>>());
+    let (a, b) = (&a[..], &b[..]);
     let one = |a, b| beyond(a, FRAC_PI_2) && beyond(b, 0.0);
     let changes = |values: &[f64]| values.iter().any(|v| *v != values[0]);
     one(a, b) && one(b, a) && (beyond(a, TAU) || beyond(b, TAU)) && changes(a) && changes(b)
@@ -134,6 +146,16 @@ mod tests {
         assert_eq!(found([0.02, -0.01, 2.1], 0.009), None);
         // beyond any latitude
         assert_eq!(found([170.0, 150.0, 3.0], 1e-5), None);
+    }
+
+    #[test]
+    fn a_place_may_have_no_number_in_the_rows_of_other_sensors() {
+        let (times, mut columns) = columns(|t| [48.1 + 1.35e-4 * t, 11.5, 500.0 + 0.1 * t.sin()]);
+        for column in &mut columns {
+            (0..column.len()).filter(|k| k % 20 != 0).for_each(|k| column[k] = f64::NAN);
+        }
+        columns[1].iter_mut().enumerate().for_each(|(k, lon)| *lon += 1e-6 * k as f64);
+        assert_eq!(order(&times, &columns, 0), Some(LATITUDE_FIRST));
     }
 
     #[test]
