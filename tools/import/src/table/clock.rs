@@ -15,24 +15,12 @@ pub const GUESSED: &str = "is a guess";
 const TICKS: (&str, &str) = ("SampleTimeFine", "100*us");
 const SLOW: f64 = 0.5;
 
-/// Words for the parts of a date that stand in columns of their own.
-const FIELDS: [&[&str]; 6] = [
-    &["year", "yyyy", "jahr"],
-    &["month", "mon", "monat"],
-    &["day", "tag"],
-    &["hour", "hours", "hh", "stunde"],
-    &["minute", "minutes", "min", "mm"],
-    &["second", "seconds", "sec", "ss", "s", "sekunde"],
-];
+/// Share of the steps of a clock that are near the usual one, and the part of it by which they differ.
+const EVEN: f64 = 0.9;
+const NEAR: f64 = 0.25;
 /// Words for whole seconds, and for the nanoseconds beside them.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "s"];
 const NANOS: [&str; 6] = ["nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "ns"];
-/// Words for the part of a second beside the fields of a date, with its unit.
-const PARTS: [(&[&str], &str); 3] = [
-    (&["nano", "nanos", "nsec", "nsecs", "nanosec", "nanosecond", "nanoseconds", "ns"], "ns"),
-    (&["micro", "micros", "usec", "microsec", "microsecond", "microseconds", "us"], "us"),
-    (&["milli", "millis", "msec", "millisec", "millisecond", "milliseconds", "ms"], "ms"),
-];
 /// Counts since a date with the ranges of the years from 1990 to 2050, their unit, s, and the date of their zero.
 const SINCE: [(&str, RangeInclusive<f64>, f64, &str); 7] = [
     ("excel", 32_874.0..=54_789.0, DAY, "1899-12-30"),
@@ -48,6 +36,10 @@ const MODIFIED: (&str, &str) = ("mjd", "modified-julian");
 /// Words for a column that counts the rows.
 const COUNTERS: [&str; 9] =
     ["sample", "samples", "index", "counter", "count", "row", "frame", "no", "number"];
+/// Periods of the parts of a larger unit: hours, minutes and seconds, and thousandths, millionths and billionths. Numbers
+/// that reach the second part of a period and start again are no clock.
+const PERIODS: [f64; 5] = [24.0, 60.0, 1e3, 1e6, 1e9];
+const REACHED: f64 = 0.4;
 /// Seconds of a day and of a week.
 const DAY: f64 = 86_400.0;
 const WEEK: f64 = 604_800.0;
@@ -90,7 +82,9 @@ impl Table<'_> {
             false => self.number(*k, meaning, usual),
         };
         let rises = |clock: &Clock| self.layout.rows.len() < 3 || increases(&clock.seconds);
+        let whole = |(k, _): &&(usize, Meaning)| !starts_again(&self.layout.column(*k));
         let named = |name| self.columns.iter().filter(move |(_, m)| m.channel == name);
+        let named = |name| named(name).filter(whole);
         let mut times: Vec<&(usize, Meaning)> = named("time").collect();
         if times.is_empty() {
             times.extend(named("date").filter(|(k, _)| in_words(*k) || counts(*k)));
@@ -100,14 +94,35 @@ impl Table<'_> {
         let found = times.iter().map(|time| read(time)).find(rises);
         match (found, times.first()) {
             (Some(clock), _) => Ok(clock),
-            (None, Some(first)) => Ok(read(first)),
+            (None, Some(first)) => Ok(self.even(usual).unwrap_or_else(|| read(first))),
             (None, None) => self.unnamed(usual),
         }
     }
 
+    /// A column without a known heading that increases in even steps and does not count the rows, beside times that many
+    /// rows share.
+    fn even(&self, usual: f64) -> Option<Clock> {
+        let steps = |k: &usize| {
+            let values = self.layout.column(*k);
+            let steps: Vec<f64> = values.windows(2).map(|v| v[1] - v[0]).collect();
+            let middle = units::median(steps.iter().copied());
+            let near = steps.iter().filter(|s| (*s / middle - 1.0).abs() < NEAR).count();
+            middle > 0.0 && middle != 1.0 && near as f64 >= EVEN * steps.len() as f64
+        };
+        let free = |k: &usize| self.columns.iter().all(|(used, _)| used != k);
+        let k = (0..self.layout.width()).filter(free).find(steps)?;
+        let meaning = Meaning { channel: "time", unit: None, sign: 1.0, rank: 0 };
+        let mut clock = self.number(k, &meaning, usual);
+        let question = format!("the column {} is taken for the time", self.heading(k));
+        clock.questions.push(question);
+        Some(clock)
+    }
+
     /// A column without a known heading that increases from row to row, or holds dates.
     fn unnamed(&self, usual: f64) -> Result<Clock, String> {
-        let free = |k: &usize| self.columns.iter().all(|(used, _)| used != k);
+        let free = |k: &usize| {
+            self.columns.iter().all(|(used, _)| used != k) && !starts_again(&self.layout.column(*k))
+        };
         let cell = |k: usize| self.layout.rows.first().and_then(|r| r.get(k)).map_or("", |c| c);
         let columns = || (0..self.layout.width()).filter(free);
         let dated = columns().find(|k| {
@@ -156,63 +171,17 @@ impl Table<'_> {
     }
 
     /// The column whose heading ends with one of these words, the rest of it being `stem`.
-    fn ending(&self, ends: &[&str], stem: Option<&[String]>) -> Option<(usize, Vec<String>)> {
+    pub(super) fn ending(
+        &self,
+        ends: &[&str],
+        stem: Option<&[String]>,
+    ) -> Option<(usize, Vec<String>)> {
         self.layout.headings.iter().enumerate().find_map(|(k, heading)| {
             let mut words = words(heading);
             let last = words.pop()?;
             let fits = ends.contains(&last.as_str()) && stem.is_none_or(|stem| stem == words);
             fits.then_some((k, words))
         })
-    }
-
-    /// A date whose year, month, day, hour, minute and second have columns of their own, with a part of the second beside
-    /// them where the seconds are whole; `None` where another column is finer.
-    fn fields(&self) -> Option<Clock> {
-        let (mut columns, mut before) = ([0; 6], None);
-        for (column, names) in columns.iter_mut().zip(FIELDS) {
-            let (k, stem) = self.ending(names, before.as_deref())?;
-            (*column, before) = (k, Some(stem));
-        }
-        let values = columns.map(|k| self.layout.column(k));
-        let number = values.iter().all(|v| v.first().is_some_and(|v| v.is_finite()));
-        let [_, _, _, hours, minutes, seconds] = &values;
-        let repeats = seconds.windows(2).filter(|s| s[0] == s[1]).count() * 2 > seconds.len();
-        let part = self.part(seconds).filter(|_| repeats);
-        if !number || (repeats && part.is_none() && self.rises_besides(&columns)) {
-            return None;
-        }
-        let parts = part.map(|(k, unit)| (self.layout.column(k), units::factor(unit)));
-        let more = |k: usize| parts.as_ref().map_or(0.0, |(values, unit)| values[k] * unit);
-        let second = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k] + more(k);
-        let names = columns.map(|k| quoted(self.heading(k)));
-        let beside = part.map_or_else(String::new, |(k, unit)| {
-            let unit =
-                if unit == "ns" { String::new() } else { format!(", nanos_unit = \"{unit}\"") };
-            format!(", nanos = {}{unit}", quoted(self.heading(k)))
-        });
-        let fields = names[..5].join(", ");
-        let key = format!("time = {{ column = {}, fields = [{fields}]{beside} }}", names[5]);
-        let seconds = (0..hours.len()).map(second).collect();
-        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
-    }
-
-    /// The column with the part of whole seconds, and its unit: it increases within a second.
-    fn part(&self, seconds: &[f64]) -> Option<(usize, &'static str)> {
-        PARTS.iter().find_map(|(names, unit)| {
-            let (k, _) = self.ending(names, None)?;
-            let (values, factor) = (self.layout.column(k), units::factor(unit));
-            let within =
-                |(s, v): (&f64, &f64)| s.fract() == 0.0 && (0.0..1.0).contains(&(v * factor));
-            let pairs = || seconds.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
-            let rises = pairs().filter(|(_, v)| v[1] > v[0]).count() * 10 >= pairs().count() * 9;
-            (seconds.iter().zip(&values).all(within) && rises).then_some((k, *unit))
-        })
-    }
-
-    /// Tests whether a column of the time beside those of a date increases from row to row.
-    fn rises_besides(&self, columns: &[usize]) -> bool {
-        let time = |(k, m): &&(usize, Meaning)| m.channel == "time" && !columns.contains(k);
-        self.columns.iter().filter(time).any(|(k, _)| increases(&self.layout.column(*k)))
     }
 
     /// Whole seconds with the nanoseconds in a column of their own.
@@ -415,6 +384,16 @@ impl Table<'_> {
         };
         Clock { key: Some(key), seconds, questions }
     }
+}
+
+/// Tests whether a column has the part of a larger unit: its numbers start again and again within a period.
+fn starts_again(values: &[f64]) -> bool {
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    let within = |period: &f64| (REACHED * period..*period).contains(&largest);
+    PERIODS.iter().find(|period| within(period)).is_some_and(|period| {
+        let falls = values.windows(2).filter(|v| v[0] - v[1] > 0.5 * REACHED * period);
+        falls.count() > 1
+    })
 }
 
 /// Tests whether a column counts the rows by its heading.

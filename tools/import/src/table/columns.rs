@@ -72,6 +72,7 @@ impl<'a> Table<'a> {
         table.name_earth_fixed();
         table.exchange();
         table.increments();
+        table.complete_inertial();
         table.choose_inertial();
         table.name_course();
         table

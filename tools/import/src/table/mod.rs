@@ -8,7 +8,9 @@ mod angles;
 mod beams;
 mod clock;
 mod columns;
+mod complete;
 mod content;
+mod fields;
 mod imu;
 mod kinds;
 mod labelled;
@@ -93,7 +95,7 @@ fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, Stri
     if !several.is_empty() {
         return Ok(several);
     }
-    if let Some(why) = unknown::one_value(beginning) {
+    if let Some(why) = unknown::one_value(beginning).or_else(|| unknown::sentences(beginning)) {
         return Err(why);
     }
     let Some(mut layout) = Layout::of(beginning) else {
@@ -315,6 +317,30 @@ mod tests {
         let key = "time = { column = \"Sample\", unit = \"20000*us\" }";
         assert!(told(&text).contains(key), "{}", told(&text));
         assert!(told(&text.replace("50.0Hz", "fast")).contains("Sample counts the rows"));
+    }
+
+    #[test]
+    fn sentences_that_are_not_read_are_named() {
+        let row = |k: usize| format!("2023-11-14T22:13:{k}Z,$PRDID,+1.2,-0.3,2{k}.0*5A\n");
+        let why = told(&(10..50).map(row).collect::<String>());
+        assert!(why.contains("($PRDID)"), "{why}");
+    }
+
+    #[test]
+    fn an_even_clock_without_a_name_goes_before_a_time_that_rows_share() {
+        let row = |k: usize| {
+            let fix = 1_700_000_000 + k / 20;
+            format!(
+                "{k},{:.2},0.0{},0.01,0.02,0.1,0.2,-9.8{},48.1,11.5,{fix}\n",
+                3.0 + k as f64 / 100.0,
+                k % 7,
+                k % 9
+            )
+        };
+        let text = "frame,sinceStartup,gx,gy,gz,ax,ay,az,lat,lon,location.timestamp\n".to_owned()
+            + &(0..200).map(row).collect::<String>();
+        let key = "time = { column = \"sinceStartup\"";
+        assert!(told(&text).contains(key), "{}", told(&text));
     }
 
     #[test]

@@ -30,6 +30,29 @@ pub fn one_value(text: &str) -> Option<String> {
     text.lines().take(20).find_map(titles)
 }
 
+/// The reason why sentences of NMEA 0183 are refused that have no sensor; `None` for other text.
+pub fn sentences(text: &str) -> Option<String> {
+    let address = |line: &str| {
+        let (_, sentence) = line.split_once('$')?;
+        let (sentence, check) = sentence.trim_end().split_once('*')?;
+        let address = sentence.split(',').next()?;
+        let known = address.len() > 3 && address.bytes().all(|b| b.is_ascii_alphanumeric());
+        (known && check.len() == 2).then(|| format!("${address}"))
+    };
+    let lines = text.lines().filter(|line| !line.trim().is_empty()).count();
+    let mut addresses: Vec<String> = text.lines().filter_map(address).collect();
+    if 2 * addresses.len() <= lines {
+        return None;
+    }
+    addresses.sort();
+    addresses.dedup();
+    Some(format!(
+        "its sentences of NMEA 0183 ({}) are none that navfuse reads: record GGA and RMC for a position, HDT or THS \
+         for a heading, or write their fields as a table",
+        addresses.join(", ")
+    ))
+}
+
 impl Table<'_> {
     /// What stands for the unit of a column, in brackets behind its heading or in the line of units, and is none that is
     /// known.
@@ -40,7 +63,8 @@ impl Table<'_> {
             Some(rest.split_once(*close)?.0)
         };
         let unit = own.or_else(|| BRACKETS.iter().find_map(bracketed))?;
-        vocabulary::expression(unit).is_none().then_some(unit)
+        let index = unit.trim().parse::<usize>().is_ok();
+        (!index && vocabulary::expression(unit).is_none()).then_some(unit)
     }
 
     /// The reason why no sensor is recognised.

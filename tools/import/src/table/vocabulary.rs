@@ -1,12 +1,16 @@
 //! One vocabulary of headings: the words of many programs for the channels of sensors.
 
+mod heights;
 mod languages;
 mod lists;
 mod vectors;
 
+use heights::{height, is_zero};
 use languages::{english, plain};
 use lists::{BEHIND, FOLLOWING, LOG, NOISE, OTHERS, SCALARS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
+use std::cell::RefCell;
+use std::collections::HashMap;
 use vectors::{AXES, OWN_AXES, VECTORS};
 
 /// The quantity of a column.
@@ -43,49 +47,77 @@ pub fn words(heading: &str) -> Vec<String> {
     words
 }
 
+thread_local! {
+    /// The texts that were read as units: the reason why one is none costs a millisecond, and wide tables repeat their words.
+    static READ: RefCell<HashMap<String, Option<String>>> = RefCell::default();
+}
+/// Largest number of such texts.
+const TEXTS: usize = 1 << 14;
+
 /// The units that programs write, as an expression.
 pub fn expression(text: &str) -> Option<String> {
-    let clean = text.trim().trim_matches(['(', ')', '[', ']', '{', '}']).trim();
-    let known = match clean.to_ascii_lowercase().as_str() {
-        "g" | "gee" => Some("g"),
-        "mg" => Some("mg"),
-        "mdps" => Some("deg/(1000*s)"),
-        "degph" | "dph" | "deg_h" | "deg/hr" => Some("deg/h"),
-        "g force" | "gs" => Some("g"),
-        "m/(s^2)" => Some("m/s^2"),
-        "arc-min" | "arcminutes" | "minutes of arc" => Some("arcmin"),
-        "arc-sec" | "arcseconds" | "as" => Some("arcsec"),
-        "degrees/sec" | "degree/sec" | "°/sec" | "dps" | "°/s" | "deg/sec" | "degrees/s"
-        | "degree/s" | "deg s^-1" | "deg.s^-1" | "deg s-1" => Some("deg/s"),
-        "rps" | "rad/sec" | "rad_per_sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => {
-            Some("rad/s")
+    if let Some(known) = READ.with_borrow(|read| read.get(text).cloned()) {
+        return known;
+    }
+    let found = read_expression(text);
+    READ.with_borrow_mut(|read| {
+        if read.len() >= TEXTS {
+            read.clear();
         }
-        "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
-        | "meters/sec2" | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
-        "meters/sec" | "meter/sec" | "metres/sec" | "m s^-1" | "m.s^-1" | "m/sec" | "m s-1"
-        | "mps" => Some("m/s"),
-        "kph" | "kmh" => Some("km/h"),
-        "mph" => Some("5280*ft/h"),
-        "knots" | "kts" | "kt" => Some("kn"),
-        "degree" | "degrees" | "°" => Some("deg"),
-        "radian" | "radians" => Some("rad"),
-        "sec" | "secs" | "second" | "seconds" => Some("s"),
-        "msec" | "millisecond" | "milliseconds" => Some("ms"),
-        "usec" | "microsecond" | "microseconds" | "μs" | "µs" => Some("us"),
-        "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
-        "days" | "tage" | "jours" | "dias" | "giorni" | "dagen" => Some("day"),
-        "meter" | "meters" | "metres" => Some("m"),
-        "kpa" => Some("kPa"),
-        "psig" | "psia" => Some("psi"),
-        "barg" | "bara" => Some("bar"),
-        "hpa" | "mbar" | "mbars" => Some("hPa"),
-        "ft" | "feet" | "foot" => Some("ft"),
-        "ft/sec" | "fps" => Some("ft/s"),
-        "fathom" | "fathoms" | "fm" | "ftm" => Some("6*ft"),
-        "db" | "dbars" | "decibar" | "decibars" => Some("dbar"),
-        "atmosphere" | "atmospheres" => Some("atm"),
-        _ => None,
-    };
+        read.insert(text.to_owned(), found.clone());
+    });
+    found
+}
+
+/// The same of a text that was not read before.
+fn read_expression(text: &str) -> Option<String> {
+    let clean = text.trim().trim_matches(['(', ')', '[', ']', '{', '}']).trim();
+    // the zero of a height, as in `ft msl`
+    let zero = clean.rsplit_once(' ').filter(|(_, zero)| is_zero(&zero.to_lowercase()));
+    let clean = zero.map_or(clean, |(unit, _)| unit.trim());
+    let known =
+        match clean.to_ascii_lowercase().as_str() {
+            "g" | "gee" => Some("g"),
+            "mg" => Some("mg"),
+            "mdps" => Some("deg/(1000*s)"),
+            "degph" | "dph" | "deg_h" | "deg/hr" => Some("deg/h"),
+            "g force" | "gs" => Some("g"),
+            "m/(s^2)" => Some("m/s^2"),
+            "arc-min" | "arcminutes" | "minutes of arc" => Some("arcmin"),
+            "arc-sec" | "arcseconds" | "as" => Some("arcsec"),
+            "degrees/sec" | "degree/sec" | "°/sec" | "dps" | "°/s" | "deg/sec" | "degrees/s"
+            | "degree/s" | "deg s^-1" | "deg.s^-1" | "deg s-1" => Some("deg/s"),
+            "rps" | "rad/sec" | "rad_per_sec" | "rad s^-1" | "rad.s^-1" | "rad s-1"
+            | "radians/s" => Some("rad/s"),
+            "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
+            | "meters/sec2" | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
+            "cmps2" | "cm/s2" | "cm/s²" | "gal" => Some("cm/s^2"),
+            "meters/sec" | "meter/sec" | "metres/sec" | "m s^-1" | "m.s^-1" | "m/sec" | "m s-1"
+            | "mps" => Some("m/s"),
+            "kph" | "kmh" => Some("km/h"),
+            "mph" => Some("5280*ft/h"),
+            "knots" | "kts" | "kt" => Some("kn"),
+            "degree" | "degrees" | "°" => Some("deg"),
+            "radian" | "radians" => Some("rad"),
+            "sec" | "secs" | "second" | "seconds" => Some("s"),
+            "msec" | "millisecond" | "milliseconds" => Some("ms"),
+            "usec" | "microsecond" | "microseconds" | "μs" | "µs" => Some("us"),
+            "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
+            "days" | "tage" | "jours" | "dias" | "giorni" | "dagen" => Some("day"),
+            "meter" | "meters" | "metres" => Some("m"),
+            "kpa" => Some("kPa"),
+            "psig" | "psia" => Some("psi"),
+            "barg" | "bara" => Some("bar"),
+            "hpa" | "mbar" | "mbars" => Some("hPa"),
+            "ft" | "feet" | "foot" | "fuß" | "pies" | "pieds" | "piedi" | "pés" | "voet"
+            | "fot" => Some("ft"),
+            "ft/sec" | "fps" => Some("ft/s"),
+            "fpm" | "ft/min" => Some("ft/min"),
+            "fathom" | "fathoms" | "fm" | "ftm" => Some("6*ft"),
+            "db" | "dbars" | "decibar" | "decibars" => Some("dbar"),
+            "atmosphere" | "atmospheres" => Some("atm"),
+            _ => None,
+        };
     let valid = |text: &str| parse_unit(text).is_ok().then(|| text.to_owned());
     let suffix = || suffix_expression(clean).and_then(|e| valid(&e));
     known.map(str::to_owned).or_else(|| valid(clean)).or_else(suffix)
@@ -187,7 +219,10 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
             .filter_map(|word| cut(text.len() - word.len()))
             .find_map(|(stem, axis)| vector(stem, axis))
             .or_else(|| {
-                ends.filter_map(|word| cut(word.len())).find_map(|(axis, stem)| vector(stem, axis))
+                // a number before a vector counts instruments, as in `GPS(0):acc`
+                let named = |(axis, _): &(&str, &str)| axis.parse::<usize>().is_err();
+                let mut parts = ends.filter_map(|word| cut(word.len())).filter(named);
+                parts.find_map(|(axis, stem)| vector(stem, axis))
             })
     };
     // a direction with a speed
@@ -203,7 +238,8 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
         let found = || split(&kept.concat()).filter(|(name, ..)| name.starts_with("vel_"));
         fewer.then(found).flatten()
     };
-    let plainly = number(&whole).or_else(|| number(&joined)).or_else(direction);
+    let above = || Some((of_unit("height", unit)?, 1.0, height(&kept)?));
+    let plainly = number(&whole).or_else(|| number(&joined)).or_else(direction).or_else(above);
     plainly.or_else(|| split(&whole)).or_else(|| split(&joined)).or_else(of_log)
 }
 
@@ -303,18 +339,16 @@ pub fn axis_of(heading: &str) -> Option<usize> {
 /// A heading whose axes count from 1 to 3, as `dv[1]`, with those from 0 to 2.
 pub fn from_zero(heading: &str, all: &[String]) -> String {
     let index = |c: char| c.is_ascii_digit();
-    let Some((at, digit)) = heading.char_indices().rev().find(|(_, c)| index(*c)) else {
-        return heading.to_owned();
+    // the last digit may be one of a unit, as in `a1_mps2`
+    let counted = |(at, digit): (usize, char)| {
+        let (stem, rest) = (&heading[..at], &heading[at + 1..]);
+        let has = |digit: char| all.iter().any(|h| *h == format!("{stem}{digit}{rest}"));
+        let counts = has('1') && has('2') && has('3') && !has('0') && !has('4');
+        let axis = ('1'..='3').contains(&digit) && !stem.ends_with(index);
+        (counts && axis).then(|| format!("{stem}{}{rest}", char::from(digit as u8 - 1)))
     };
-    let (stem, rest) = (&heading[..at], &heading[at + 1..]);
-    let has = |digit: char| all.iter().any(|h| *h == format!("{stem}{digit}{rest}"));
-    let counts = has('1') && has('2') && has('3') && !has('0') && !has('4');
-    match digit {
-        '1'..='3' if counts && !stem.ends_with(index) => {
-            format!("{stem}{}{rest}", char::from(digit as u8 - 1))
-        }
-        _ => heading.to_owned(),
-    }
+    let digits = heading.char_indices().rev().filter(|(_, c)| index(*c));
+    digits.filter_map(counted).next().unwrap_or_else(|| heading.to_owned())
 }
 
 /// The meaning of words with a unit in brackets, or with one at their end.

@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 44] = [
+pub const NOISE: [&str; 46] = [
     "field",
     "msg",
     "header",
@@ -47,6 +47,9 @@ pub const NOISE: [&str; 44] = [
     "e7",
     "1e7",
     "e6",
+    // degrees and minutes in one number
+    "ddmm",
+    "dddmm",
 ];
 
 /// Words that say that a velocity is of a velocity log.
@@ -99,9 +102,10 @@ pub const OTHERS: [&str; 42] = [
     "oil",
 ];
 /// Channels whose words may follow words that say nothing.
-pub const FOLLOWING: [&str; 20] = [
+pub const FOLLOWING: [&str; 21] = [
     "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "time", "lat", "lon", "height",
     "vel_n", "vel_e", "vel_d", "course", "x_ecef", "y_ecef", "z_ecef", "week", "depth", "pressure",
+    "date",
 ];
 /// Rank of a quantity that follows one other word.
 pub const BEHIND: usize = 100;

@@ -101,3 +101,16 @@ fn a_heading_that_resembles_a_channel_is_none() {
         assert_eq!(meaning(heading), None, "{heading}");
     }
 }
+
+#[test]
+fn a_number_before_a_vector_is_no_axis() {
+    assert_eq!(meaning("GPS(0):sAcc").map(|m| m.channel), None);
+    assert_eq!(meaning("IMU_ATTI(0):accelX").map(|m| m.channel), Some("accel_x"));
+}
+
+#[test]
+fn axes_from_one_before_a_unit_with_a_digit_count_from_zero() {
+    let all = ["a1_cmps2", "a2_cmps2", "a3_cmps2"].map(str::to_owned);
+    let channels = all.each_ref().map(|h| meaning(&from_zero(h, &all)).map(|m| m.channel));
+    assert_eq!(channels, [Some("accel_x"), Some("accel_y"), Some("accel_z")]);
+}

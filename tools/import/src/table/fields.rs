@@ -1,0 +1,150 @@
+//! Dates whose year, month, day, hour, minute and second have columns of their own.
+
+use super::clock::Clock;
+use super::columns::Table;
+use super::content::increases;
+use super::units;
+use super::vocabulary::Meaning;
+use navfuse_core::document::quoted;
+use std::ops::RangeInclusive;
+
+/// Words for the parts of a date that stand in columns of their own.
+const FIELDS: [&[&str]; 6] = [
+    &["year", "yyyy", "jahr"],
+    &["month", "mon", "monat"],
+    &["day", "tag"],
+    &["hour", "hours", "hh", "stunde"],
+    &["minute", "minutes", "min", "mm"],
+    &["second", "seconds", "sec", "ss", "s", "sekunde"],
+];
+/// Words for the part of a second beside the fields of a date, with its unit.
+const PARTS: [(&[&str], &str); 3] = [
+    (&["nano", "nanos", "nsec", "nsecs", "nanosec", "nanosecond", "nanoseconds", "ns"], "ns"),
+    (&["micro", "micros", "usec", "microsec", "microsecond", "microseconds", "us"], "us"),
+    (&["milli", "millis", "msec", "millisec", "millisecond", "milliseconds", "ms"], "ms"),
+];
+/// Years, months, days, hours, minutes and seconds of a date.
+const RANGES: [RangeInclusive<f64>; 6] =
+    [1980.0..=2100.0, 1.0..=12.0, 1.0..=31.0, 0.0..=23.0, 0.0..=59.0, 0.0..=60.999];
+/// The places of year, month and day in the orders of dates.
+const ORDERS: [[usize; 3]; 3] = [[0, 1, 2], [2, 1, 0], [2, 0, 1]];
+impl Table<'_> {
+    /// A date whose year, month, day, hour, minute and second have columns of their own, with a part of the second beside
+    /// them where the seconds are whole; `None` where another column is finer.
+    pub(super) fn fields(&self) -> Option<Clock> {
+        let columns = self.named_fields().or_else(|| self.fields_by_content())?;
+        let values = columns.map(|k| self.layout.column(k));
+        let number = values.iter().all(|v| v.first().is_some_and(|v| v.is_finite()));
+        let [_, _, _, hours, minutes, seconds] = &values;
+        let repeats = seconds.windows(2).filter(|s| s[0] == s[1]).count() * 2 > seconds.len();
+        let part = || self.part(seconds).or_else(|| self.part_behind(columns[5]));
+        let part = repeats.then(part).flatten();
+        if !number || (repeats && part.is_none() && self.rises_besides(&columns)) {
+            return None;
+        }
+        let parts = part.map(|(k, unit)| (self.layout.column(k), units::factor(unit)));
+        let more = |k: usize| parts.as_ref().map_or(0.0, |(values, unit)| values[k] * unit);
+        let second = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k] + more(k);
+        let names = columns.map(|k| quoted(self.heading(k)));
+        let beside = part.map_or_else(String::new, |(k, unit)| {
+            let unit =
+                if unit == "ns" { String::new() } else { format!(", nanos_unit = \"{unit}\"") };
+            format!(", nanos = {}{unit}", quoted(self.heading(k)))
+        });
+        let fields = names[..5].join(", ");
+        let key = format!("time = {{ column = {}, fields = [{fields}]{beside} }}", names[5]);
+        let seconds = (0..hours.len()).map(second).collect();
+        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
+    }
+
+    /// The columns of the fields of a date, by their words.
+    fn named_fields(&self) -> Option<[usize; 6]> {
+        let (mut columns, mut before) = ([0; 6], None);
+        for (column, names) in columns.iter_mut().zip(FIELDS) {
+            let (k, stem) = self.ending(names, before.as_deref())?;
+            (*column, before) = (k, Some(stem));
+        }
+        Some(columns)
+    }
+
+    /// The same in any language: six columns beside each other with the ranges of a date that shows its order.
+    fn fields_by_content(&self) -> Option<[usize; 6]> {
+        let range = |k: usize, field: usize| {
+            let values = self.layout.column(k);
+            let whole = |v: &f64| field == 5 || v.fract() == 0.0;
+            !values.is_empty() && values.iter().all(|v| RANGES[field].contains(v) && whole(v))
+        };
+        let changes = |k: usize| self.layout.column(k).windows(2).any(|v| v[0] != v[1]);
+        let of = |first: usize| {
+            let dates = ORDERS.map(|order| order.map(|k| first + k));
+            let mut dates = dates.into_iter().filter(|d| (0..3).all(|f| range(d[f], f)));
+            let [year, month, day] = dates.next().filter(|_| dates.next().is_none())?;
+            let times = (3..6).all(|f| range(first + f, f)) && changes(first + 5);
+            times.then_some([year, month, day, first + 3, first + 4, first + 5])
+        };
+        (0..self.layout.width().saturating_sub(5)).find_map(of)
+    }
+
+    /// The column behind the seconds with their part, and its unit: the shortest period that its numbers reach.
+    fn part_behind(&self, seconds: usize) -> Option<(usize, &'static str)> {
+        let (whole, values) = (self.layout.column(seconds), self.layout.column(seconds + 1));
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let (_, unit) = PARTS.iter().rev().find(|(_, unit)| largest * units::factor(unit) < 1.0)?;
+        let pairs = || whole.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
+        let rises = values.iter().all(|v| *v >= 0.0 && v.fract() == 0.0)
+            && pairs().all(|(_, v)| v[1] > v[0]);
+        (rises && pairs().next().is_some()).then_some((seconds + 1, *unit))
+    }
+
+    /// The column with the part of whole seconds, and its unit: it increases within a second.
+    pub(super) fn part(&self, seconds: &[f64]) -> Option<(usize, &'static str)> {
+        PARTS.iter().find_map(|(names, unit)| {
+            let (k, _) = self.ending(names, None)?;
+            let (values, factor) = (self.layout.column(k), units::factor(unit));
+            let within =
+                |(s, v): (&f64, &f64)| s.fract() == 0.0 && (0.0..1.0).contains(&(v * factor));
+            let pairs = || seconds.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
+            let rises = pairs().filter(|(_, v)| v[1] > v[0]).count() * 10 >= pairs().count() * 9;
+            (seconds.iter().zip(&values).all(within) && rises).then_some((k, *unit))
+        })
+    }
+
+    /// Tests whether a column of the time beside those of a date increases from row to row.
+    fn rises_besides(&self, columns: &[usize]) -> bool {
+        let time = |(k, m): &&(usize, Meaning)| m.channel == "time" && !columns.contains(k);
+        self.columns.iter().filter(time).any(|(k, _)| increases(&self.layout.column(*k)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::table::recognise;
+
+    /// The keys of a table with these headings, and a sample each 10 ms over two seconds, or the reason why it is refused.
+    fn keys(headings: &str, date: &str) -> String {
+        let row = |k: usize| {
+            let (second, milli) = (58 + k / 100, 10 * (k % 100));
+            let time = format!("{},{},{milli}", 13 + second / 60, second % 60);
+            format!("{date},22,{time},0.0{},0.01,0.02,0.1,0.2,-9.8{}\n", k % 7, k % 9)
+        };
+        let rows = (0..300).map(row).collect::<String>();
+        let found = recognise(&format!("{headings},gx,gy,gz,ax,ay,az\n{rows}"), "");
+        found.map_or_else(|why| why, |found| found[0].source.join("\n"))
+    }
+
+    #[test]
+    fn the_fields_of_a_date_are_found_by_their_ranges_in_any_language() {
+        let words = "any,mes,dia,hora,minut,segon,millesima";
+        let key = "time = { column = \"segon\", fields = [\"any\", \"mes\", \"dia\", \"hora\", \"minut\"], \
+                   nanos = \"millesima\", nanos_unit = \"ms\" }";
+        assert!(keys(words, "2023,11,14").contains(key), "{}", keys(words, "2023,11,14"));
+        let order = keys("dia,mes,any,hora,minut,segon,millesima", "14,11,2023");
+        assert!(order.contains("fields = [\"any\", \"mes\", \"dia\""), "{order}");
+    }
+
+    #[test]
+    fn a_part_of_a_second_alone_is_no_time() {
+        let why = keys("a,b,c,h,m,s,ms", "7,8,9");
+        assert!(why.contains("no column of the time"), "{why}");
+    }
+}
