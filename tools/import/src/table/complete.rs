@@ -80,7 +80,9 @@ impl Table<'_> {
             let distance = (size / units::GRAVITY).ln().abs();
             (!increments && distance < HEAVY).then_some((first, distance))
         };
-        let free = |first: &usize| (0..3).all(|k| self.is_free(first + k));
+        // a temperature beside two constants may have the norm of gravity
+        let changes = |k: usize| self.layout.column(k).windows(2).any(|v| v[0] != v[1]);
+        let free = |first: &usize| (*first..first + 3).all(|k| self.is_free(k) && changes(k));
         let firsts = (0..self.layout.width().saturating_sub(2)).filter(free);
         let best = firsts.filter_map(distance).min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(best.0)
@@ -125,6 +127,15 @@ mod tests {
         // of a magnetic field none are taken
         let found = keys("t,gx,gy,gz,mag_x,mag_y,mag_z");
         assert!(!found.contains("accel_z"), "{found}");
+    }
+
+    #[test]
+    fn a_temperature_beside_constants_is_no_force() {
+        let row = |k: usize| format!("0.{k:03},0.0{},0.01,0.02,31.2,0,1\n", k % 7);
+        let text = "t,gx,gy,gz,celsius,errors,samples\n".to_owned()
+            + &(0..200).map(row).collect::<String>();
+        let found = recognise(&text, "").unwrap();
+        assert_eq!(found[0].kind, "gyros");
     }
 
     #[test]
