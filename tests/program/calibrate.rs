@@ -89,6 +89,8 @@ fn the_page_of_a_calibration_has_every_method_and_opens_offline() {
     for method in methods {
         let name = method["method"].as_str().unwrap();
         assert!(table.contains(&format!("<td class=\"name\">{name}</td>")), "{name}");
+        // the names stand beside the estimates, in each of the four panels
+        assert!(section(&page, "plots").matches(&format!("\n{name}\n")).count() >= 4, "{name}");
     }
     assert_eq!(table.matches("<tr class=\"first\">").count(), methods.len());
     let result = section(&page, "result");

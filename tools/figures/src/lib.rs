@@ -83,6 +83,8 @@ pub struct Axis {
     /// Limits of a vertical axis; values outside are cut off. Without limits the axis covers all
     /// values.
     pub limits: Option<[f64; 2]>,
+    /// Names of the places 1, 2 and so on of a vertical axis, from below; they replace its numbers and its range.
+    pub names: Vec<String>,
 }
 
 /// Scale of an axis.
@@ -101,7 +103,13 @@ pub enum Scale {
 
 impl Axis {
     fn new(label: impl Into<String>, scale: Scale) -> Self {
-        Self { label: label.into(), scale, limits: None }
+        Self { label: label.into(), scale, limits: None, names: Vec::new() }
+    }
+
+    /// Creates a vertical axis with names at the places 1, 2 and so on, from below.
+    pub fn of_names(names: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        let names = names.into_iter().map(Into::into).collect();
+        Self { names, ..Self::linear("") }
     }
 
     /// Returns the axis with limits; none if the lower one is not below the upper one.

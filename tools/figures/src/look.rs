@@ -54,6 +54,9 @@ pub fn units(pixels: f64) -> i32 {
 }
 
 impl Look {
+    /// Number of colours of data, after which they repeat.
+    pub const COLOURS: usize = DATA.len();
+
     /// Returns the colour, red, green and blue.
     pub fn colour(self) -> [u8; 3] {
         let RGBColor(red, green, blue) = colour(self);

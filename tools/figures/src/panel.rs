@@ -61,6 +61,7 @@ impl<'a> Prepared<'a> {
         let counts = [wide / APART[0], high / APART[1]];
         let x = Ruler::new(panel.x.scale, points.iter().map(|p| p[0]), margin, counts[0]);
         let y = match panel.y.limits {
+            _ if !panel.y.names.is_empty() && !points.is_empty() => Ruler::named(&panel.y.names),
             Some(limits) if !points.is_empty() => {
                 Ruler::new(panel.y.scale, limits.into_iter(), 0.0, counts[1])
             }

@@ -44,6 +44,12 @@ impl Ruler {
         Self::spanning(scale, low - margin, high + margin, count)
     }
 
+    /// Creates an axis with names at 1, 2 and so on.
+    pub fn named(names: &[String]) -> Self {
+        let ticks = (1_u32..).zip(names).map(|(k, name)| (f64::from(k), name.clone())).collect();
+        Self { low: 0.5, high: names.len() as f64 + 0.5, ticks, fine: Vec::new() }
+    }
+
     /// Creates an axis from `low` to `high`, in its own measure, with about `ticks` ticks.
     fn spanning(scale: Scale, low: f64, high: f64, count: f64) -> Self {
         let (ticks, fine) = match scale {

@@ -87,6 +87,22 @@ fn a_constant_a_single_point_and_a_title_of_markup_are_drawn() {
 }
 
 #[test]
+fn names_of_an_axis_stand_at_their_places_and_beyond_their_points() {
+    let points = vec![[0.1, 1.0], [0.2, 3.0]];
+    let methods = Curve { name: "estimate".into(), look: Look::Points(0), points };
+    let y = Axis::of_names(["tang", "joyce", "io-dvlc"]);
+    let picture = svg(&figure(1, vec![panel(y, vec![methods], vec![])])).unwrap();
+    let texts = texts(&picture);
+    let of = |name: &str| texts.iter().position(|text| text == name);
+    assert!(of("tang").is_some() && of("joyce").is_some() && of("io-dvlc").is_some(), "{texts:?}");
+    // with the sample of the legend
+    assert_eq!(dots(&picture, BLUE), 3);
+    let empty = panel(Axis::of_names(["tang"]), vec![], vec![]);
+    let empty = svg(&figure(1, vec![empty])).unwrap();
+    assert!(empty.contains("no data"));
+}
+
+#[test]
 fn a_range_too_small_for_the_arithmetic_of_an_axis_is_one_of_zeros() {
     let curve = || curve("c", Look::Data(0), &[0.0, 1.0]);
     for least in [-3.063140057416345e-309, 4.9e-324, 2e-308, 1e-200, 1e-101] {
@@ -265,7 +281,7 @@ fn axis() -> impl Strategy<Value = Axis> {
         Just(Scale::Map)
     ];
     (text(40), scale, proptest::option::of([value(), value()]))
-        .prop_map(|(label, scale, limits)| Axis { label, scale, limits })
+        .prop_map(|(label, scale, limits)| Axis { label, scale, limits, names: Vec::new() })
 }
 
 fn look() -> impl Strategy<Value = Look> {

@@ -46,7 +46,7 @@ pub fn page(
     let truth = data.velocity().ok().and_then(|v| v.truth);
     let shown = Shown { methods, data, truth };
     let title = format!("{}: calibration", data.recording.name);
-    let figures = [Some(shown.beside()), shown.over_time()];
+    let figures = [vec![shown.beside()], shown.over_time()].concat();
     let body = html! {
         header {
             h1 { (title) }
@@ -67,10 +67,10 @@ pub fn page(
             }
             section #plots {
                 h2 { "Figures" }
-                (titled(figures.iter().flatten())?)
+                (titled(figures.iter())?)
                 p.note {
-                    "Each method at its number in the table. The axes show the estimates that have a "
-                    "sigma."
+                    "The axes of the estimates end with those that have a sigma: one without a sigma that "
+                    "is farther away is left out."
                 }
             }
             (scenario_section("TOML, as it was used", scenario))
@@ -194,32 +194,32 @@ impl<'a> Shown<'a> {
         }
     }
 
-    /// Plots every estimate with its bounds of 3 sigma at its number in the table.
+    /// Plots every estimate with its bounds of 3 sigma beside its name, in the order of the table.
     fn beside(&self) -> Figure {
+        let count = self.methods.len();
+        let place = |number: usize| (count + 1 - number) as f64;
         let panel = |i: usize| {
             let scale = unit(i);
             let known = || self.known().filter(move |(_, _, estimate)| estimate.determined[i]);
             let bars = known().filter_map(|(number, _, estimate)| {
-                let (x, value, reach) =
-                    (number as f64, estimate.values()[i], LARGE * estimate.sigma()?[i]);
-                let ends = [value - reach, value + reach].map(|y| [x, scale * y]);
+                let (value, reach) = (estimate.values()[i], LARGE * estimate.sigma()?[i]);
+                let ends = [value - reach, value + reach].map(|x| [scale * x, place(number)]);
                 Some(curve("±3 sigma", Look::Data(0), ends.into_iter()))
             });
-            let bars: Vec<Curve> = bars.collect();
-            let edges = [0.5, self.methods.len() as f64 + 0.5];
             let truth = self.truth.iter().map(|truth| {
                 let value = scale * values(truth)[i];
-                curve("truth", Look::Truth, edges.map(|x| [x, value]).into_iter())
+                let ends = [0.5, count as f64 + 0.5].map(|y| [value, y]);
+                curve("truth", Look::Truth, ends.into_iter())
             });
             let mut shown: Vec<Curve> = truth.chain(bars).collect();
-            // an estimate without a sigma may be far away
-            let limits = range(shown.iter().flat_map(|c| &c.points), 0.05);
-            let points = known().map(|(number, _, e)| [number as f64, scale * e.values()[i]]);
-            shown.push(curve("estimate", Look::Points(0), points));
+            let [low, high] = self.reach(i, 0.05);
+            let near = |point: &[f64; 2]| low >= high || (low..=high).contains(&point[0]);
+            let points = known().map(|(number, _, e)| [scale * e.values()[i], place(number)]);
+            shown.push(curve("estimate", Look::Points(0), points.filter(near)));
             Panel {
                 title: String::new(),
-                x: Axis::linear("number of the method"),
-                y: Axis::linear(label(i)).within(limits),
+                x: Axis::linear(label(i)),
+                y: Axis::of_names(self.methods.iter().rev().map(|method| method.name)),
                 curves: shown,
                 bands: Vec::new(),
             }
@@ -232,38 +232,53 @@ impl<'a> Shown<'a> {
         }
     }
 
-    /// Plots the methods that estimate over time; `None` if there is none.
-    fn over_time(&self) -> Option<Figure> {
+    /// Plots the methods that estimate over time, as many in a figure as there are colours.
+    fn over_time(&self) -> Vec<Figure> {
         let known: Vec<_> = self.known().filter(|(_, _, e)| e.history.len() > 1).collect();
         let clock = |time: f64| self.data.recording.clock(time);
-        let panel = |i: usize| {
+        let times = known.iter().flat_map(|(_, _, e)| e.used).map(clock);
+        let (first, last) = times.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
+        let panel = |methods: &[(usize, &Applied<'_>, &Estimate)], i: usize| {
             let scale = unit(i);
-            let mut curves: Vec<Curve> = (known.iter().enumerate())
-                .map(|(k, (_, method, estimate))| {
-                    let points = estimate.history.iter();
-                    let points = points.map(|e| [clock(e.time), scale * values(&e.mounting)[i]]);
-                    curve(method.name, Look::Data(k), points)
-                })
-                .collect();
-            if let Some(truth) = &self.truth {
+            let truth = self.truth.iter().map(|truth| {
                 let value = scale * values(truth)[i];
-                let times = known.iter().flat_map(|(_, _, e)| e.used).map(clock);
-                let (first, last) =
-                    times.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
-                let line = [first, last].map(|t| [t, value]);
-                curves.insert(0, curve("truth", Look::Truth, line.into_iter()));
-            }
+                curve("truth", Look::Truth, [first, last].map(|t| [t, value]).into_iter())
+            });
+            let curves = methods.iter().enumerate().map(|(k, (_, method, estimate))| {
+                let points = estimate.history.iter();
+                let points = points.map(|e| [clock(e.time), scale * values(&e.mounting)[i]]);
+                curve(method.name, Look::Data(k), points)
+            });
+            let curves = truth.chain(curves).collect();
             // the first estimates are wild
-            let halves = curves.iter().flat_map(|c| &c.points[c.points.len() / 2..]);
-            let limits = range(halves, 0.5);
+            let limits = self.reach(i, 0.5);
             over_time("", Axis::linear(label(i)).within(limits), curves, Vec::new())
         };
-        (!known.is_empty()).then(|| Figure {
-            name: "methods-over-time".into(),
-            title: "Estimates over time".into(),
+        let figure = |(k, methods): (usize, &[(usize, &Applied<'_>, &Estimate)])| Figure {
+            name: match k {
+                0 => "methods-over-time".into(),
+                k => format!("methods-over-time-{}", k + 1),
+            },
+            title: match k {
+                0 => "Estimates over time".into(),
+                _ => "Estimates over time, further methods".into(),
+            },
             columns: 2,
-            panels: (0..4).map(panel).collect(),
-        })
+            panels: (0..4).map(|i| panel(methods, i)).collect(),
+        };
+        known.chunks(Look::COLOURS).enumerate().map(figure).collect()
+    }
+
+    /// The range of the truth and of the last estimates with their bounds of 3 sigma, with that margin on either
+    /// side: an estimate without a sigma may be far away.
+    fn reach(&self, i: usize, margin: f64) -> [f64; 2] {
+        let bounds = self.known().filter(|(_, _, estimate)| estimate.determined[i]);
+        let bounds = bounds.filter_map(|(_, _, estimate)| {
+            let (value, reach) = (estimate.values()[i], LARGE * estimate.sigma()?[i]);
+            Some([value - reach, value + reach])
+        });
+        let truth = self.truth.iter().map(|truth| values(truth)[i]);
+        range(bounds.flatten().chain(truth).map(|x| unit(i) * x), margin)
     }
 }
 
@@ -273,9 +288,9 @@ fn largest(estimate: &Estimate, ratio: impl Fn(usize) -> f64) -> Option<(usize, 
     all.filter(|(_, ratio)| ratio.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The range of points, with that margin on either side.
-fn range<'p>(points: impl Iterator<Item = &'p [f64; 2]>, margin: f64) -> [f64; 2] {
-    let values = points.map(|p| p[1]).filter(|y| y.is_finite());
+/// The range of values, with that margin on either side.
+fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
+    let values = values.filter(|x| x.is_finite());
     let [low, high] = values.fold([f64::MAX, f64::MIN], |[a, b], y| [a.min(y), b.max(y)]);
     let margin = margin * (high - low);
     [low - margin, high + margin]
