@@ -161,6 +161,21 @@ fn the_share_of_each_sensor_in_the_information_is_in_log_and_page() {
     assert!(history.derived.is_empty());
 }
 
+/// Of a receiver that jumps, velocities are used while positions are refused: its row of the table alone does
+/// not add up.
+#[test]
+fn the_page_counts_the_samples_that_were_used_in_part_as_the_result_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = ["estimator.stop=\"300 s\""];
+    let result = json_of("run", &scenario("faults/gnss-jump"), &settings, folder.path());
+    let count = result["samples"]["gnss"]["used_in_part"].as_u64().expect("a count");
+    let output = command().arg("report").arg(folder.path()).output().expect("the command starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = read(&folder.path().join("report.html"));
+    let words = format!("{count} gated or rejected samples were used in part, by other channels");
+    assert!(count > 10 && page.contains(&words), "{count}");
+}
+
 #[test]
 fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
     let recording = Recording::new();

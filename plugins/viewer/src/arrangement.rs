@@ -138,7 +138,7 @@ impl Layout {
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
         let places = run.track.as_ref().map(|motion| self.places(motion));
-        let contents = ["/clock", "/colour_legend", "/health/**"].map(|of| format!("+ {of}"));
+        let contents = [self.clock(), "+ /colour_legend".into(), "+ /health/**".into()];
         let lanes = self.lanes("Health of the sensors", &contents);
         let shares = |below: f64| [1.0 - below, below].map(|share| share as f32);
         // while the run goes on, the page of many sensors needs the whole height

@@ -113,10 +113,25 @@ pub fn short(x: f64) -> String {
     if (0..=7).contains(&digits) {
         format!("{x:.*}", digits as usize)
     } else if digits < 0 {
-        format!("{x:.0}")
+        let unit = 10f64.powi(-digits);
+        format!("{:.0}", (x / unit).round() * unit)
     } else {
         rounded
     }
+}
+
+/// A value and its sigma: a smaller value has the decimals of its sigma.
+pub fn with_sigma(value: f64, sigma: f64) -> String {
+    let text = short(sigma);
+    let value = match text.split_once('.') {
+        Some((_, decimals)) if value.abs() < sigma && !text.contains('e') => {
+            let parts = 10f64.powi(decimals.len() as i32);
+            // adding zero makes a negative zero positive
+            format!("{:.*}", decimals.len(), (parts * value).round() / parts + 0.0)
+        }
+        _ => short(value),
+    };
+    format!("{value} ± {text}")
 }
 
 /// Size of a length from which on tables and plots of errors have it in metres, m.
@@ -190,8 +205,17 @@ mod tests {
     }
 
     #[test]
+    fn a_value_below_its_sigma_has_the_decimals_of_its_sigma() {
+        let of = |value, sigma| with_sigma(value, sigma);
+        assert_eq!(of(-4.88e-6, 0.101), "0.000 ± 0.101");
+        assert_eq!(of(-0.00546, 0.00112), "-0.00546 ± 0.00112");
+        assert_eq!(of(0.262, 0.781), "0.262 ± 0.781");
+        assert_eq!(of(12.0, 105.0), "12.0 ± 105");
+    }
+
+    #[test]
     fn numbers_have_three_digits() {
-        assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98765"]);
+        assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98800"]);
         assert_eq!(short(1.5e-9), "1.50e-9");
         // rounded up to the next power, and no negative zero
         assert_eq!([0.0099999, 9.9999, -0.0].map(short), ["0.0100", "10.0", "0"]);

@@ -3,11 +3,13 @@
 
 use crate::axis;
 use crate::corner::Place;
+use crate::legend::{CLOCK, WATCHED_CLOCK};
 use crate::recording::{APPLICATION, Axis, SECONDS, TIMELINE};
+use crate::style::path;
 use re_sdk::blueprint::components::{Corner2D, PanelState, PlayState, ViewClass};
 use re_sdk::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel, TextLogView,
-    TimePanel, TimeSeriesView,
+    BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel,
+    TextLogView, TimePanel, TimeSeriesView,
 };
 use re_sdk::log::LogMsg;
 use re_sdk::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamResult, StoreKind};
@@ -206,6 +208,20 @@ impl Layout {
             false => TimeAxis::new().with_link(LinkAxis::LinkToGlobal),
         };
         self.set(&view, "TimeAxis", time);
+        view
+    }
+
+    /// The query of the strip of seconds.
+    pub fn clock(&self) -> String {
+        let strip = if self.latest.is_some() { path(&WATCHED_CLOCK) } else { path(&CLOCK) };
+        format!("+ {strip}")
+    }
+
+    /// A chart of the bars of all entities below one. Their colours are explained by the title.
+    pub fn bars(&mut self, name: &str, origin: &EntityPath) -> ContainerLike {
+        let view = BarChartView::new(name).with_origin(origin.clone());
+        let view = ContainerLike::from(view);
+        self.set(&view, "PlotLegend", PlotLegend::new().with_visible(false));
         view
     }
 

@@ -14,6 +14,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of times on the strip of seconds, about.
 const TIMES: f64 = 8.0;
+/// The strips of seconds: of a run that has ended, and of one that viewers watch.
+pub const CLOCK: [&str; 1] = ["clock"];
+pub const WATCHED_CLOCK: [&str; 1] = ["clock_live"];
+/// Least distance of two times, s, of a run that has ended, and of one that viewers watch: their timeline has
+/// whole seconds, and the second time of a second would replace the first.
+const LEAST: f64 = 1e-3;
+const WATCHED: f64 = 1.0;
 /// Colours of the strip of seconds, in turns.
 const SHADES: [Colour; 2] = [[44, 48, 56], [66, 72, 82]];
 /// Width of the strips in a usual window (1600x1000), pixels.
@@ -79,7 +86,19 @@ pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), Str
     Ok(())
 }
 
-/// The strip of seconds, whose marks are farther apart the longer a run goes on.
+/// Writes the strip of seconds of a run that has ended.
+///
+/// # Errors
+/// When the recording cannot be written.
+pub fn write_clock(recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
+    let (entity, marks) = (path(&CLOCK), marks(span, BESIDE, LEAST));
+    recording.log_static(&entity, &look_of(&marks))?;
+    let mut marks = marks.into_iter();
+    marks.try_for_each(|mark| recording.log(&entity, mark, &StateChange::single(seconds(mark))))
+}
+
+/// The strip of seconds while a run goes on, whose marks are farther apart the longer it takes. Viewers keep the
+/// first marks, which would cut the words of the strip of the whole run: that one is another entity.
 #[derive(Debug, Default)]
 pub struct Clock {
     /// The state that viewers have at each time, ns.
@@ -92,33 +111,11 @@ impl Clock {
     /// # Errors
     /// When the strip cannot be encoded.
     pub fn show(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        let (named, changes) = self.changes(&marks(span, BESIDE), span);
+        let (named, changes) = self.changes(&marks(span, BESIDE, WATCHED), span);
         if changes.is_empty() {
             return Ok(());
         }
-        let entity = path(&["clock"]);
-        recording.log_static_to_viewers(&entity, &look_of(&named))?;
-        changes.into_iter().try_for_each(|(mark, state)| {
-            recording.log_to_viewers(&entity, mark, &StateChange::single(state))
-        })
-    }
-
-    /// Writes the strip of a run that has ended.
-    ///
-    /// # Errors
-    /// When the recording cannot be written.
-    pub fn write(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        let (entity, marks) = (path(&["clock"]), marks(span, BESIDE));
-        recording.log_static(&entity, &look_of(&marks))?;
-        // the file has none of the marks before
-        for mark in marks.iter().copied() {
-            recording.log(&entity, mark, &StateChange::single(seconds(mark)))?;
-            self.written.insert(mark, seconds(mark));
-        }
-        let (named, changes) = self.changes(&marks, span);
-        if changes.is_empty() {
-            return Ok(());
-        }
+        let entity = path(&WATCHED_CLOCK);
         recording.log_static_to_viewers(&entity, &look_of(&named))?;
         changes.into_iter().try_for_each(|(mark, state)| {
             recording.log_to_viewers(&entity, mark, &StateChange::single(state))
@@ -167,10 +164,11 @@ fn look_of(marks: &[i64]) -> StateConfiguration {
         .with_colors(shades.flat_map(|[r, g, b]| [Color::from_rgb(r, g, b); 2]))
 }
 
-/// The begin of a run and the round times in it, ns, on a strip of that width, pixels.
-fn marks((first, last): (i64, i64), width: f64) -> Vec<i64> {
+/// The begin of a run and the round times in it, ns, on a strip of that width, pixels, and at least that
+/// far apart, s.
+fn marks((first, last): (i64, i64), width: f64, least: f64) -> Vec<i64> {
     let run = (last - first) as f64 * 1e-9;
-    let step = (crate::plan::round(run / TIMES).max(1e-3) * 1e9) as i64;
+    let step = (crate::plan::round(run / TIMES).max(least) * 1e9) as i64;
     let round = (first / step + 1..=last / step).map(|k| k * step).filter(|mark| *mark > first);
     // the first and the last stretch have room for their words, too
     let pixels = |length: i64| width * length as f64 * 1e-9 / run.max(1e-9);
@@ -191,6 +189,7 @@ fn seconds(nanos: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::whole;
 
     /// A reader distinguishes a sensor that waits from one that is silent by brightness alone.
     #[test]
@@ -242,7 +241,7 @@ mod tests {
     fn the_seconds_are_round_and_few_and_each_has_room() {
         for (first, last) in [(0, 630), (100, 699), (0, 2880), (0, 86_400), (-7, 6)] {
             let [from, to] = [first, last].map(|s| s * 1_000_000_000);
-            let marks = marks((from, to), BESIDE);
+            let marks = marks((from, to), BESIDE, LEAST);
             assert_eq!(marks[0], from);
             assert!((4..=10).contains(&marks.len()), "{first} {last}: {marks:?}");
             let run = (to - from) as f64;
@@ -253,5 +252,12 @@ mod tests {
             }
         }
         assert_eq!([0, 2_500_000_000, -1].map(seconds), ["0 s", "2.5 s", "0 s"]);
+    }
+
+    /// A watched run of 3 s whose first sample is at 20.3 s.
+    #[test]
+    fn no_time_of_a_watched_run_replaces_another_one_of_its_second() {
+        let marks = marks((20_300_000_000, 23_300_000_000), BESIDE, WATCHED);
+        assert_eq!(marks.iter().map(|mark| whole(*mark)).collect::<Vec<_>>(), [20, 21, 22, 23]);
     }
 }

@@ -161,6 +161,17 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
         });
         let _ = writeln!(page, "| {} |", cells.collect::<Vec<_>>().join(" | "));
     }
+    let in_part = |lane: &SensorLane| {
+        (lane.in_part > 0).then(|| format!("{} of **{}**", lane.in_part, lane.name))
+    };
+    let in_part: Vec<String> = lanes.iter().filter_map(in_part).collect();
+    if !in_part.is_empty() {
+        let in_part = in_part.join(", ");
+        let _ = writeln!(
+            page,
+            "\nCounted as refused and as used, since other channels were used: {in_part}."
+        );
+    }
 }
 
 /// The cells of a sensor: name, samples that were used, gated and rejected, and NIS.

@@ -15,6 +15,8 @@ const BESIDE: f64 = 0.12;
 const BEGIN: f64 = 0.1;
 /// Size of an error before that, in errors and bounds after it, up to which it counts for a range.
 const EARLY: f64 = 2.0;
+/// Share of the largest errors of a run that counts for the unit of its errors.
+const LARGER: f64 = 0.1;
 /// Least range of the plot of a sigma, in powers of ten.
 const DECADES: f64 = 1.0;
 
@@ -120,10 +122,15 @@ impl Plots {
         })
     }
 
-    /// The sizes of value and error at the end of the run, which determine the units.
+    /// The sizes of value and error at the end of the run, which determine the units; of errors that were far
+    /// larger before, a part of their size.
     pub fn sizes(&self) -> [f64; 2] {
-        let end = self.errors.as_ref().map_or(&self.values[1], |errors| &errors[1]);
-        [self.values[1][0].abs().max(self.values[1][1].abs()), 0.5 * (end[1] - end[0])]
+        let half = |[low, high]: [f64; 2]| 0.5 * (high - low);
+        let error = match self.errors {
+            Some([whole, end]) => half(end).max(LARGER * half(whole)),
+            None => half(self.values[1]),
+        };
+        [self.values[1][0].abs().max(self.values[1][1].abs()), error]
     }
 
     /// The same in the units that fit those sizes.
@@ -131,8 +138,9 @@ impl Plots {
         // a ratio near one is read as a number
         let one = Scale { unit, size: 1.0 };
         let large = axis::scale(unit, value);
-        // a depth of 45 m is not read in the kilometres of north and east
-        let small = large.size > 1.0 && self.sizes()[0] < axis::LEAST * large.size;
+        // a depth of 45 m, or a height of 1600 m that changes by 3 m, is not read in the kilometres of north and east
+        let [low, high] = self.values[0];
+        let small = large.size > 1.0 && high - low < axis::LEAST * large.size;
         self.value = if unit.is_empty() || small { one } else { large };
         // the unit of the table of states
         self.error = axis::table(unit, error);
@@ -158,7 +166,25 @@ pub fn end_of_run(first: i64, last: i64) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
+
     use super::*;
+
+    /// A car at a height of 1600 m, of which an estimate is off by 10 for 15 s, and by 0.02 at other times.
+    #[test]
+    fn units_follow_the_change_of_a_value_and_the_largest_errors() {
+        let off = |second: i64| if (250..265).contains(&second) { 10.0 } else { 0.02 };
+        let row = |k: i64| (k * 1_000_000_000, [-1600.0, 0.01, -1600.0, off(k)]);
+        let rows: Vec<Row<4>> = (0..400).map(row).collect();
+        let legend = Legend { lines: 1, letters: 5, columns: 4, rows: 3 };
+        let of = |unit| {
+            let plots = Plots::new(&rows, 0.0, [legend; 4]).unwrap();
+            let [value, error] = plots.sizes();
+            let plots = plots.in_units(unit, value, error);
+            [plots.value.unit, plots.error.unit]
+        };
+        assert_eq!([of("m"), of("m/s")], [["m", "m"], ["m/s", "m/s"]]);
+    }
 
     /// The viewer labels the ticks of the smallest power of ten that are 57 pixels apart.
     #[test]

@@ -28,8 +28,8 @@ const SILENCE: i64 = 1_000_000_000;
 /// neighbours would cover each other.
 const SAME: f32 = 0.1;
 /// Least distance of two labels along the vehicle's vertical, as a share of its length: a label is 20
-/// pixels high, where the vehicle is 110 to 200 long.
-const ROW: f32 = 0.19;
+/// pixels high and has a gap below it, where the vehicle is 100 to 200 long.
+const ROW: f32 = 0.24;
 /// Greatest distance of a label from the vertical through the middle, as a share of the vehicle's length: half
 /// of what the narrowest view, that of the overview, has room for.
 const NAMES: f32 = 0.35;

@@ -151,7 +151,7 @@ impl Run {
         let span = self.span.map(|(first, last)| (begun.fold(first, i64::min), last));
         if let Some(span) = span.filter(|(first, last)| first < last) {
             legend::write(recording, span)?;
-            self.clock.write(recording, span)?;
+            legend::write_clock(recording, span)?;
             self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }
         let span = self.span.unwrap_or_default();

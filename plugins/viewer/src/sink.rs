@@ -161,6 +161,7 @@ impl RerunSink {
         let end = self.last.unwrap_or_default();
         self.write_waiting(end)?;
         if let Some(run) = &mut self.run {
+            self.recording.settle(run.axis(), run.span);
             self.tabs.iter_mut().try_for_each(|tab| tab.finish(&self.recording))?;
             run.finish((end, self.verdict.as_ref()), &mut self.left);
         }
@@ -168,7 +169,6 @@ impl RerunSink {
         self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
         self.refresh()?;
         if let Some(run) = &mut self.run {
-            self.recording.settle(run.axis(), run.span);
             run.write(&self.recording)?;
             let at = (self.verdict.as_ref(), end);
             run.write_overview(&self.recording, at, &left(&self.tabs))?;

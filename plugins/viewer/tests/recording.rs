@@ -350,6 +350,8 @@ fn a_sample_of_which_a_group_of_channels_is_gated_is_gated_until_the_whole_sampl
         assert_eq!(last, Synthetic::time(212).nanos() + 2, "{plot}");
     }
     assert!(!rows.contains_key("/innovation/depth/depth/abandoned"));
+    let page = texts(&path, "/overview", TextDocument::descriptor_text().component).concat();
+    assert!(page.contains("since other channels were used: 12 of **dvl**."), "{page}");
     // 1.2 s of 20 s have no room for their word
     let all = texts(&path, "/health/dvl", StateChange::descriptor_state().component);
     let without = |word: &str| all.contains(&format!("{word} "));

@@ -1,21 +1,9 @@
 //! A histogram beside the distribution that a consistent filter has.
 
+use crate::bar::{ALPHA, Bar};
 use crate::plots::curve;
 use navfuse_figures::{Axis, Band, Look, Panel};
 use statrs::distribution::{Binomial, DiscreteCDF};
-
-/// Probability outside a band.
-pub(crate) const ALPHA: f64 = 0.05;
-
-/// One bar of a histogram.
-pub(crate) struct Bar {
-    /// Its edges.
-    pub edges: [f64; 2],
-    /// Number of values in it.
-    pub seen: u64,
-    /// Probability of a value in it.
-    pub probability: f64,
-}
 
 /// Plots bars of `total` values `what`, with the expected number in each and its band.
 pub(crate) fn histogram(

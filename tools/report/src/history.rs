@@ -279,9 +279,14 @@ impl RunHistory {
             let normalised = row.innovation.iter().zip(&row.sigma).map(|(z, sigma)| z / sigma);
             updates.residuals.iter_mut().zip(normalised).for_each(|(all, z)| all.push(z));
         }
+        // the record of the refused channels comes first
+        if matches!(health, Health::Gated | Health::Isolated) {
+            updates.refused = Some(at);
+        }
         match fate {
             Fate::Accepted => {
                 updates.outcomes.accepted += 1;
+                updates.in_part += u64::from(updates.refused == Some(at));
                 updates.nis = [updates.nis[0] + nis, updates.nis[1] + freedom];
                 updates.consistency.push(Consistency { span: [time; 2], nis, expected: freedom });
                 updates.innovations.push(row);

@@ -6,6 +6,7 @@
 //! with the same result. [`plots`] plots it, [`page`] writes the report, [`compare`] compares several
 //! runs, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
 
+mod bar;
 pub mod calibration;
 pub mod campaign;
 pub mod compare;
@@ -26,6 +27,7 @@ mod row;
 mod sensors;
 mod sink;
 
+pub use bar::Bar;
 pub use health::{Span, spans};
 pub use history::{BlockHistory, RunHistory, Travelled};
 pub use log::read_log;

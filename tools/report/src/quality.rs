@@ -1,43 +1,28 @@
 //! Quality of a run without a truth: the distribution and the correlation of the innovations, and the
 //! filter against the smoother.
 
-use crate::histogram::{ALPHA, Bar, histogram};
+use crate::histogram::histogram;
 use crate::history::{BlockHistory, Row, displacement};
 use crate::innovations::quantity;
 use crate::plots::{curve, label, over_time};
-use crate::residuals::{BARS, EDGE, LAGS, Residuals};
+use crate::residuals::{LAGS, Residuals};
 use crate::sensors::SensorHistory;
 use navfuse_figures::{Axis, Band, Figure, Look, Panel};
-use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Greatest number of channels beside one another.
 const COLUMNS: usize = 3;
-/// Fewest innovations that a figure shows something of.
-const FEWEST: u64 = 50;
 
 /// Plots the histogram beside the normal distribution.
 fn distribution(all: &Residuals, title: &str) -> Panel {
-    let normal = Normal::standard();
-    // the outer bars hold everything beyond
-    let below = |edge: usize| match edge {
-        0 => 0.0,
-        BARS => 1.0,
-        _ => normal.cdf(place(edge)),
-    };
-    let bars = all.bars.iter().enumerate().map(|(bar, seen)| Bar {
-        edges: [place(bar), place(bar + 1)],
-        seen: *seen,
-        probability: below(bar + 1) - below(bar),
-    });
-    histogram(title, Axis::linear("innovation / sigma"), ("samples", all.count), bars)
+    let total = ("samples", all.count());
+    histogram(title, Axis::linear("innovation / sigma"), total, all.distribution())
 }
 
 /// Plots the autocorrelation, with the band of independent innovations.
 fn autocorrelation(all: &Residuals) -> Panel {
-    let width = -Normal::standard().inverse_cdf(0.5 * ALPHA) / (all.count as f64).sqrt();
+    let width = all.band();
     let ends = [1.0, LAGS as f64];
-    let values =
-        all.products.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, sum / all.squares]);
+    let values = all.autocorrelation().enumerate().map(|(k, value)| [(k + 1) as f64, value]);
     Panel {
         title: String::new(),
         x: Axis::linear("lag [samples]"),
@@ -53,16 +38,20 @@ fn autocorrelation(all: &Residuals) -> Panel {
     }
 }
 
-/// Left edge of a bar, sigma.
-fn place(bar: usize) -> f64 {
-    2.0 * EDGE * bar as f64 / BARS as f64 - EDGE
+/// The name of a channel as its figures have it: an angle on the Earth is a distance.
+pub fn channel(column: &str) -> String {
+    match quantity(column, None).0 {
+        name if name == "latitude" => "north".to_owned(),
+        name if name == "longitude" => "east".to_owned(),
+        name => name,
+    }
 }
 
 /// Plots the histogram and the autocorrelation of a sensor's innovations, a column for each channel, with the
 /// names of the innovations at a place. `None` for a sensor with too few of them.
 pub fn residuals(sensor: &SensorHistory, place: Option<&Row>) -> Option<Figure> {
     let channels = sensor.channels.iter().zip(&sensor.updates.residuals);
-    let known: Vec<_> = channels.filter(|(_, r)| r.count >= FEWEST).collect();
+    let known: Vec<_> = channels.filter(|(_, r)| r.suffice()).collect();
     let name = |channel: &str| quantity(channel, place).0;
     // a column for each channel, in rows that fit
     let (columns, mut panels) = (known.len().clamp(2, COLUMNS), Vec::new());
@@ -141,6 +130,8 @@ fn spread(filter: f64, smoothed: f64) -> Option<f64> {
 #[allow(clippy::expect_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::residuals::BARS;
+    use statrs::distribution::{ContinuousCDF, Normal};
 
     /// Standard normal values by a linear congruential generator, which are independent enough here.
     fn white(count: usize) -> Vec<f64> {

@@ -5,6 +5,7 @@ use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::record::health::Lane;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
+use navfuse_core::units::time::Time;
 
 /// History of a sensor.
 #[derive(Clone, Debug, Default)]
@@ -55,6 +56,10 @@ const DOTS: usize = 512;
 pub struct Updates {
     /// Numbers of samples. Of a driving sensor, the rejected ones alone.
     pub outcomes: Outcomes<String>,
+    /// Gated or rejected samples of which other channels were used.
+    pub in_part: u64,
+    /// Time of the last refused sample, or of the refused part of one.
+    pub refused: Option<Time>,
     /// Sum of the normalised innovation squared of the accepted samples, and of their degrees of
     /// freedom.
     pub nis: [f64; 2],
@@ -72,6 +77,8 @@ impl Default for Updates {
     fn default() -> Self {
         Self {
             outcomes: Outcomes::default(),
+            in_part: 0,
+            refused: None,
             nis: [0.0; 2],
             innovations: Thin::with_rows(DOTS),
             outliers: Thin::with_rows(DOTS),

@@ -1,18 +1,22 @@
-//! The rerun viewer for navfuse: the sink `rerun` with the tab *Observability*, and figures as
+//! The rerun viewer for navfuse: the sink `rerun` with the tabs *Observability* and *Quality*, and figures as
 //! recordings.
 //!
-//! The tab adds to the entities of [`navfuse_rerun`]:
+//! The tabs add to the entities of [`navfuse_rerun`]:
 //!
 //! | entity | content |
 //! |---|---|
 //! | `/observability/OWNER/BLOCK/COMPONENT` | bits gained as a state: how many times sigma was halved |
 //! | `/observability/verdicts` | which states the run determines, and what is missing |
+//! | `/quality/SENSOR/CHANNEL/distribution`, `autocorrelation` | innovations over their sigma: a histogram beside the normal distribution, and their correlation |
+//! | `/quality/separation/BLOCK` | of a smoothed run: filter minus smoother over the sigma of their difference |
 
 pub mod figures;
 mod observability;
+mod quality;
 
 pub use navfuse_rerun::viewer;
 pub use observability::Observability;
+pub use quality::Quality;
 
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, Plugin, Registry, SinkType};
@@ -64,6 +68,7 @@ impl Viewer {
         if observability {
             tabs.push(Box::new(Observability::default()));
         }
+        tabs.push(Box::new(Quality::default()));
         Rerun { path, connect, spawn, serve, samples, full }.record(output, tabs)
     }
 }

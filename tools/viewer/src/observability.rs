@@ -243,7 +243,7 @@ impl Tab for Observability {
             .chunks(rows.max(1))
             .enumerate()
             .map(|(k, part)| {
-                let with_clock = [&["+ /clock".to_owned()], part].concat();
+                let with_clock = [&[layout.clock()], part].concat();
                 layout.lanes(TITLES[k.min(1)], &with_clock)
             })
             .collect();

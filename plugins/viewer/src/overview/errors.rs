@@ -1,7 +1,7 @@
 //! The errors of all states against their sigma: the answer whether the sigma is to be believed, and a
 //! table of the states.
 
-use crate::axis::{self, short};
+use crate::axis::{self, short, with_sigma};
 use crate::run::Run;
 use crate::state::{BlockSeries, Component};
 use crate::tally::Worst;
@@ -218,22 +218,22 @@ pub fn states(run: &Run) -> String {
             Some(plots) => plots.error,
             None => axis::table(c.unit, size(c.unit)),
         };
-        let sigma = short(c.tally.sigma / scale.size);
+        let sigma = c.tally.sigma / scale.size;
         let (name, unit) = (blocks[b].full_name(k), scale.unit);
         let _ = match (c.tally.error, c.tally.worst) {
             (Some(error), Some(Worst { sigmas, error: largest, time })) => {
-                let error = short(error / scale.size);
+                let error = with_sigma(error / scale.size, sigma);
                 let largest = short(largest / scale.size);
                 let mark = if sigmas > NEVER { " **!**" } else { "" };
                 let at = time.seconds();
                 writeln!(
                     page,
-                    "| {name} | {error} ± {sigma} | {largest} ({sigmas:.1}{mark}) | {unit} | {at:.0} |"
+                    "| {name} | {error} | {largest} ({sigmas:.1}{mark}) | {unit} | {at:.0} |"
                 )
             }
             _ => {
                 let share = c.tally.converged().map_or_else(String::new, |s| format!("{s:.2}"));
-                writeln!(page, "| {name} | {sigma} | {share} | {unit} | |")
+                writeln!(page, "| {name} | {} | {share} | {unit} | |", short(sigma))
             }
         };
     }
@@ -261,12 +261,9 @@ fn write_corrected(page: &mut String, corrected: &[Corrected]) {
         let scale = axis::table(unit, sigma.iter().copied().fold(0.0, f64::max));
         let since = since.seconds();
         for ((component, estimate), sigma) in components.iter().zip(estimate).zip(sigma) {
-            let [estimate, sigma] = [estimate, sigma].map(|x| short(x / scale.size));
+            let estimate = with_sigma(estimate / scale.size, sigma / scale.size);
             let unit = scale.unit;
-            let _ = writeln!(
-                page,
-                "| {block} {component} | {estimate} ± {sigma} | {unit} | {since:.0} s |"
-            );
+            let _ = writeln!(page, "| {block} {component} | {estimate} | {unit} | {since:.0} s |");
         }
     }
     page.push('\n');
@@ -302,7 +299,7 @@ mod tests {
         let rows: Vec<&str> = page.trim_end().lines().skip(2).collect();
         let expected = [
             "| dvl.lever_arm x | -0.497 ± 0.00210 | m | 380 s |",
-            "| dvl.lever_arm y | 0.00400 ± 0.0120 | m | 380 s |",
+            "| dvl.lever_arm y | 0.0040 ± 0.0120 | m | 380 s |",
         ];
         assert_eq!(rows, expected);
     }

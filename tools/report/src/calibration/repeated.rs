@@ -1,7 +1,8 @@
 //! The errors of each method over many runs, compared with its sigma.
 
 use super::label;
-use crate::histogram::{ALPHA, Bar, histogram};
+use crate::bar::{ALPHA, Bar};
+use crate::histogram::histogram;
 use crate::page::{document, footer, scenario_section, titled};
 use maud::{Markup, html};
 use navfuse_calibration::Repeated;

@@ -1,7 +1,8 @@
 //! Histogram of the NEES of all runs, beside the chi-square distribution that a consistent filter
 //! has.
 
-use crate::histogram::{Bar, histogram};
+use crate::bar::Bar;
+use crate::histogram::histogram;
 use navfuse_figures::{Axis, Figure};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 

@@ -85,6 +85,13 @@ const PAGES: &[(&[&str], Views)] = &[
     (&["Sensors", "depth"], &[("innovation of depth [mm]", &[RED, BOUND])]),
     (&["Sensors", "Samples"], &[("dvl samples [m/s]", &[RED, GREEN, BLUE])]),
     (&["Observability"], &[("What is determined", &[])]),
+    (
+        &["Quality", "dvl"],
+        &[
+            ("velocity x / sigma; white: normal", &[MARK]),
+            ("velocity x, correlation; grey: chance", &[]),
+        ],
+    ),
     (&["Events"], &[]),
 ];
 
