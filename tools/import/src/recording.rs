@@ -37,7 +37,13 @@ const ORDER: [&str; 10] = [
 ];
 
 /// Words in the name of a file whose positions are compared alone.
-pub const REFERENCES: [&str; 2] = ["reference", "truth"];
+const REFERENCES: [&str; 2] = ["reference", "truth"];
+
+/// Tests whether the positions of a file are compared alone, by its name.
+pub fn is_reference(file: &Path) -> bool {
+    let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
+    stem.is_some_and(|s| REFERENCES.iter().any(|word| s.contains(word)))
+}
 
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -295,9 +301,7 @@ impl Recording {
         let has = [&[kinds.join(", ")], &self.notes[noted..]].concat().join(": ");
         self.contents.push((file.to_owned(), has));
         for mut found in found {
-            let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
-            let is_reference = stem.is_some_and(|s| REFERENCES.iter().any(|word| s.contains(word)));
-            if found.kind == "gnss" && is_reference {
+            if found.kind == "gnss" && is_reference(file) {
                 found.kind = "reference";
             }
             self.add_part(found, reader, file, &absolute, None)?;

@@ -1,7 +1,7 @@
 //! A sensor in several files: its channels in two of them, or its rows in one after another.
 
 use crate::found::{Found, ORIGIN};
-use crate::recording::{Part, REFERENCES, Reader, Recording};
+use crate::recording::{Part, Reader, Recording, is_reference};
 use crate::samples::Samples;
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
@@ -78,11 +78,7 @@ impl Recording {
         let driven = self.part("imu").is_some();
         let alone = self.parts.iter().all(|part| ["imu", "reference"].contains(&part.name));
         let poses = |part: &&mut Part| part.name == "reference" && !part.found.apart.is_empty();
-        let named = |part: &Part| {
-            let stem = part.file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
-            stem.is_some_and(|s| REFERENCES.iter().any(|word| s.contains(word)))
-        };
-        let part = self.parts.iter_mut().find(poses).filter(|part| !named(part));
+        let part = self.parts.iter_mut().find(poses).filter(|part| !is_reference(&part.file));
         let Some(part) = part.filter(|_| driven && alone && self.velocity.is_none()) else {
             return;
         };

@@ -85,7 +85,7 @@ pub struct FileConfig {
     /// Numbers that stand for no measurement, as the cells have them, such as `[-32768, 99.999]`. A channel
     /// with one of them is missing in that sample. Default: none.
     pub missing: Vec<f64>,
-    /// Texts that may stand after the numbers of the cells, with a space before them, such as `["sec", "deg/s"]`:
+    /// Texts that may stand after the numbers of the cells, with a space before them or without, such as `["sec", "deg/s"]`:
     /// the same one in all cells of a column. Default: none.
     pub suffixes: Vec<String>,
     /// A row whose channels are those of the row before is no new sample, as where a program repeats

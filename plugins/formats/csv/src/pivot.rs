@@ -3,29 +3,14 @@
 
 use crate::number::number;
 use crate::object::object;
-use crate::series::{Named, groups};
+use crate::series::{Named, TIMES, UNITS, groups};
 use crate::transposed::Group;
 
-/// Words for the column that names the value of a row, for that of its sensor, and for those of its value and unit.
+/// Words for the column that names the value of a row, for that of its sensor, and for that of its value.
 const NAMES: [&str; 9] =
     ["field", "signal", "variable", "channel", "name", "key", "parameter", "metric", "quantity"];
 const SENSORS: [&str; 6] = ["sensor", "measurement", "topic", "device", "message", "group"];
 const VALUES: [&str; 3] = ["value", "reading", "val"];
-const UNITS: [&str; 2] = ["unit", "units"];
-const TIMES: [&str; 12] = [
-    "time",
-    "timestamp",
-    "t",
-    "ts",
-    "stamp",
-    "utc",
-    "date",
-    "datetime",
-    "epoch",
-    "utime",
-    "times",
-    "clock",
-];
 /// Lines within which the headings stand, and their length.
 const HEAD: usize = 20;
 const LONGEST: usize = 800;

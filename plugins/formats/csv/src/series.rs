@@ -8,8 +8,22 @@ use std::collections::{BTreeMap, HashMap};
 /// Part of the usual step within which values have one time, and share of a column that must have the times of another one.
 const NEAR: f64 = 0.25;
 const SHARE: f64 = 0.9;
-/// Words for the times of the values of one name, and for their unit.
-const TIMES: [&str; 6] = ["timestamps", "timestamp", "times", "time", "ts", "t"];
+/// Words for the times of values, and for their unit.
+pub const TIMES: [&str; 13] = [
+    "timestamps",
+    "timestamp",
+    "times",
+    "time",
+    "ts",
+    "t",
+    "stamp",
+    "utc",
+    "date",
+    "datetime",
+    "epoch",
+    "utime",
+    "clock",
+];
 pub const UNITS: [&str; 2] = ["unit", "units"];
 /// Least number of names that have times of their own.
 const SERIES: usize = 3;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Reads a recording of NMEA 0183 sentences: GGA, GST, RMC, VTG, ZDA, HDT, THS, HDG, HDM, DPT,
-/// PASHR, PSXN, PRVAT, PTSAG, PSONLLD, PSIMSSB.
+/// PASHR, PSXN, PRVAT, PTNL GGK, PTSAG, PSONLLD, PSIMSSB.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Nmea {

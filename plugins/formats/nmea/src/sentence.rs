@@ -17,10 +17,12 @@ const FARTHEST: f64 = 1e5;
 /// date in nanoseconds since 1970. An empty field is `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sentence {
-    /// GGA: position and quality.
+    /// GGA and GGK of Trimble: position and quality.
     Fix {
         /// Time of the day.
         time: Option<i64>,
+        /// Midnight of the date; GGA has none.
+        date: Option<i64>,
         /// Latitude and longitude.
         position: Option<[f64; 2]>,
         /// Height above the ellipsoid, the sum of altitude and separation, m; without a separation
@@ -140,7 +142,8 @@ impl Sentence {
     /// Midnight of the date, if the sentence has one.
     pub fn date(&self) -> Option<i64> {
         match *self {
-            Self::Minimum { date, .. }
+            Self::Fix { date, .. }
+            | Self::Minimum { date, .. }
             | Self::Date { date, .. }
             | Self::Transponder { date, .. } => date,
             _ => None,
@@ -263,6 +266,7 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
             let usable = |k: usize| Some(f.whole(k)? < 2);
             return Some(Sentence::Quality([usable(1)?, usable(2)?, usable(3)?, usable(4)?]));
         }
+        "PTNL" if f.text(0) == "GGK" => return trimble(&f),
         "PTSAG" => return absolute(&f),
         "PSONLLD" if f.text(2) == "A" => {
             return Some(Sentence::Transponder {
@@ -284,6 +288,7 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
     Some(match address.get(2..)? {
         "GGA" => Sentence::Fix {
             time: f.time(0),
+            date: None,
             position: f.position(1),
             height: f.number(8).map(|altitude| altitude + f.number(10).unwrap_or(0.0)),
             quality: f.whole(5)?,
@@ -326,6 +331,26 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
         "HDM" => Sentence::Magnetic { heading: f.number(0)?.to_radians(), variation: None },
         "DPT" => Sentence::Depth(f.number(0)? + f.number(1).unwrap_or(0.0)),
         _ => return None,
+    })
+}
+
+/// The position as GGK of Trimble has it, with the date in the order month, day, year.
+fn trimble(f: &Fields<'_>) -> Option<Sentence> {
+    let date = f.text(2).as_bytes();
+    let pair = |k: usize| date.get(k..k + 2).and_then(two);
+    // the quality as GGA has it: 4 with whole ambiguities, 5 with others, 2 differential
+    let quality = match f.whole(7)? {
+        alone @ 0..=1 => alone,
+        3 | 7 | 9 => 4,
+        2 | 6 | 8 => 5,
+        _ => 2,
+    };
+    Some(Sentence::Fix {
+        time: f.time(1),
+        date: midnight(pair(2), pair(0), pair(4).map(with_century)),
+        position: f.position(3),
+        height: f.text(10).strip_prefix("EHT").and_then(|height| height.parse().ok()),
+        quality,
     })
 }
 

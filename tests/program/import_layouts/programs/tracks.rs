@@ -106,7 +106,7 @@ pub const PROGRAMS: [Program; 16] = [
                     let degrees: String =
                         v[..3].iter().map(|w| format!(",{:.5} deg/s", w.to_degrees())).collect();
                     let forces: String =
-                        v[3..].iter().map(|f| format!(",{:.6} g", f / GRAVITY)).collect();
+                        v[3..].iter().map(|f| format!(",{:.6}g", f / GRAVITY)).collect();
                     format!("{} sec{degrees}{forces}", seconds(*t))
                 });
             imu_of(recorded, folder, &text, 0)

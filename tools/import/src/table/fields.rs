@@ -28,6 +28,13 @@ const RANGES: [RangeInclusive<f64>; 6] =
     [1980.0..=2100.0, 1.0..=12.0, 1.0..=31.0, 0.0..=23.0, 0.0..=59.0, 0.0..=60.999];
 /// The places of year, month and day in the orders of dates.
 const ORDERS: [[usize; 3]; 3] = [[0, 1, 2], [2, 1, 0], [2, 0, 1]];
+
+/// Number of pairs of rows of one second in which values increase, and of all such pairs.
+fn rises(seconds: &[f64], values: &[f64]) -> [usize; 2] {
+    let pairs = || seconds.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
+    [pairs().filter(|(_, v)| v[1] > v[0]).count(), pairs().count()]
+}
+
 impl Table<'_> {
     /// A date whose year, month, day, hour, minute and second have columns of their own, with a part of the second beside
     /// them where the seconds are whole; `None` where another column is finer.
@@ -90,10 +97,9 @@ impl Table<'_> {
         let (whole, values) = (self.layout.column(seconds), self.layout.column(seconds + 1));
         let largest = values.iter().copied().fold(0.0, f64::max);
         let (_, unit) = PARTS.iter().rev().find(|(_, unit)| largest * units::factor(unit) < 1.0)?;
-        let pairs = || whole.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
-        let rises = values.iter().all(|v| *v >= 0.0 && v.fract() == 0.0)
-            && pairs().all(|(_, v)| v[1] > v[0]);
-        (rises && pairs().next().is_some()).then_some((seconds + 1, *unit))
+        let positive = values.iter().all(|v| *v >= 0.0 && v.fract() == 0.0);
+        let [rises, all] = rises(&whole, &values);
+        (positive && rises == all && all > 0).then_some((seconds + 1, *unit))
     }
 
     /// The column with the part of whole seconds, and its unit: it increases within a second.
@@ -103,9 +109,9 @@ impl Table<'_> {
             let (values, factor) = (self.layout.column(k), units::factor(unit));
             let within =
                 |(s, v): (&f64, &f64)| s.fract() == 0.0 && (0.0..1.0).contains(&(v * factor));
-            let pairs = || seconds.windows(2).zip(values.windows(2)).filter(|(s, _)| s[0] == s[1]);
-            let rises = pairs().filter(|(_, v)| v[1] > v[0]).count() * 10 >= pairs().count() * 9;
-            (seconds.iter().zip(&values).all(within) && rises).then_some((k, *unit))
+            let [rises, all] = rises(seconds, &values);
+            let often = rises * 10 >= all * 9;
+            (seconds.iter().zip(&values).all(within) && often).then_some((k, *unit))
         })
     }
 

@@ -52,10 +52,16 @@ fn word(line: &str, place: usize) -> Option<&str> {
 fn kinds(text: &str, place: usize) -> Vec<Kind<'_>> {
     let lines: Vec<&str> =
         text.lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#')).collect();
-    let words = lines.iter().filter_map(|line| Some((word(line, place)?, *line)));
     let mut kinds: Vec<Kind<'_>> = Vec::new();
-    let mut named = 0;
-    for (name, line) in words {
+    let (mut named, mut others) = (0, 0);
+    for line in &lines {
+        let Some(name) = word(line, place) else {
+            others += 1;
+            if f64::from(others) > (1.0 - SHARE) * lines.len() as f64 + 1.0 {
+                return Vec::new();
+            }
+            continue;
+        };
         named += 1;
         match kinds.iter().position(|kind| kind.name == name) {
             Some(k) => kinds[k].lines.push(line),

@@ -154,8 +154,10 @@ fn by_content(
 /// The sensors of a file whose rows name their values; `None` for another file.
 pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
     let json = text.trim_start().starts_with(['{', '[']);
-    let mut records = navfuse_csv::records(text);
     let least = VALUES[usize::from(!json)];
+    // objects have lines of any number, others one line each
+    let lines = if json { f64::INFINITY } else { text.lines().count() as f64 };
+    let mut records = navfuse_csv::records(text, least, ((1.0 - SHARE) * lines).ceil() as usize);
     let whole = records.iter().filter(|record| record.len() >= least).count();
     if records.len() < 2 || (whole as f64) < SHARE * records.len() as f64 {
         return None;

@@ -134,12 +134,15 @@ fn is_stamp(cell: &str) -> bool {
 
 /// Cells with numbers, if at least half of the cells that are neither empty nor stamps are numbers.
 fn numbers(cells: &[String]) -> Option<usize> {
-    let absent = |c: &&String| c.is_empty() || navfuse_csv::is_absent(c);
-    let number = |c: &&String| is_number(c) || (!absent(c) && !is_stamp(c) && is_several(c));
-    let numbers = cells.iter().filter(number).count();
-    let stamps = cells.iter().filter(|c| !is_number(c) && !absent(c) && is_stamp(c)).count();
-    let words = cells.len() - numbers - stamps - cells.iter().filter(absent).count();
-    (cells.len() > 1 && numbers > 0 && words <= numbers).then_some(numbers)
+    let (mut numbers, mut words) = (0, 0);
+    for cell in cells.iter().filter(|c| cells.len() > 1 && !c.is_empty()) {
+        if is_number(cell) {
+            numbers += 1;
+        } else if !navfuse_csv::is_absent(cell) && !is_stamp(cell) {
+            *(if is_several(cell) { &mut numbers } else { &mut words }) += 1;
+        }
+    }
+    (numbers > 0 && words <= numbers).then_some(numbers)
 }
 
 /// The usual number of cells in a form, and the share of numbers in the lines with as many.
@@ -208,7 +211,12 @@ impl Layout {
         // cells between tabs may be empty, and are no cells between spaces
         let tabs = forms[0].iter().filter(|line| line.contains("\t\t")).count();
         let joined = 2 * tabs < forms[0].len();
-        for (delimiter, comma) in FORMS.into_iter().filter(|(d, _)| d.is_some() || joined) {
+        // a form whose marks do not occur is none
+        let occurs = |c: char| text.contains(c);
+        let forms_of_text = FORMS.into_iter().filter(|(delimiter, comma)| {
+            delimiter.map_or(joined, occurs) && (!comma || occurs(','))
+        });
+        for (delimiter, comma) in forms_of_text {
             let rows: Vec<&str> = forms[usize::from(comma)][..last]
                 .iter()
                 .copied()
@@ -230,15 +238,14 @@ impl Layout {
         let mut rows: Vec<(usize, Vec<String>)> = numbered.collect();
         rows.drain(..preamble::length(&rows));
         let (first, _) = *rows.first()?;
-        let rows: Vec<Vec<String>> = rows.into_iter().map(|(_, row)| row).collect();
+        let (places, rows): (Vec<usize>, Vec<Vec<String>>) = rows.into_iter().unzip();
         let mut layout = Self { delimiter, decimal_comma, rows, before: first, ..Self::default() };
         layout.rate = lines[..first].iter().find_map(|line| preamble::rate(line));
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);
         layout.spread();
-        let of_table = lines[first..].iter().filter(|line| row(line).is_some());
-        layout.find_units(of_table.copied()).then_some(layout)
+        layout.find_units(places.into_iter().map(|k| lines[k])).then_some(layout)
     }
 
     /// Finds the units after the numbers of the cells; `false` where those of one column differ.

@@ -29,6 +29,9 @@ const EARTH_FIXED: &str = "x-ecef(m)";
 const USUAL: &str = "GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) \
                      age(s) ratio";
 
+/// Number of lines in which the first row of a solution without titles is looked for.
+const FIRST: usize = 100;
+
 /// The titles of a solution, in the last comment before its rows, and its separator.
 fn titles(beginning: &str) -> Option<(Vec<&str>, Option<char>)> {
     let comments = beginning.lines().take_while(|line| line.starts_with('%'));
@@ -81,6 +84,10 @@ fn headings(titles: &[&str]) -> Vec<String> {
 /// A solution of RTKLIB; `None` if the text is none, or its rows do not fit its titles.
 pub fn solution(beginning: &str) -> Option<Found> {
     let titled = titles(beginning);
+    let wide = |line: &str| line.split_whitespace().count() == USUAL.split_whitespace().count() + 1;
+    if titled.is_none() && !beginning.lines().take(FIRST).any(wide) {
+        return None;
+    }
     let layout = Layout::of(beginning)?;
     let own = titled.is_none();
     let usual = || untitled(&layout).then(|| (USUAL.split_whitespace().collect(), None));

@@ -91,6 +91,8 @@ fn read_expression(text: &str) -> Option<String> {
             | "radians/s" => Some("rad/s"),
             "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
             | "meters/sec2" | "m/(s^2" | "meter/s^2" => Some("m/s^2"),
+            "mms" => Some("mm/s"),
+            "cms" => Some("cm/s"),
             "cmps2" | "cm/s2" | "cm/s²" | "gal" => Some("cm/s^2"),
             "meters/sec" | "meter/sec" | "metres/sec" | "m s^-1" | "m.s^-1" | "m/sec" | "m s-1"
             | "mps" => Some("m/s"),

@@ -98,7 +98,7 @@ fn numbers(s: &Sentence) -> Vec<f64> {
     let degrees = |p: Option<[f64; 2]>| two(p).map(f64::to_degrees);
     let motion = |v: Option<[f64; 2]>| [two(v)[0] * 3600.0 / 1852.0, two(v)[1].to_degrees()];
     match *s {
-        Sentence::Fix { time, position, height, quality } => {
+        Sentence::Fix { time, position, height, quality, .. } => {
             let [lat, lon] = degrees(position);
             vec![seconds(time), lat, lon, height.unwrap_or(NONE), f64::from(quality)]
         }

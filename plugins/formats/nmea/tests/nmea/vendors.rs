@@ -264,3 +264,24 @@ fn a_reference_leaves_out_what_psxn_20_declares_invalid() {
         ]
     );
 }
+
+#[test]
+fn ggk_of_trimble_has_a_date_and_the_height_above_the_ellipsoid() {
+    let second = |k: u8, quality: u8| {
+        sentence(&format!(
+            "PTNL,GGK,08300{k}.00,060122,3204.0,N,03459.5,E,{quality},09,1.5,EHT25.5,M"
+        ))
+    };
+    let file = [second(0, 3), second(1, 0), second(2, 1)].concat();
+    let read = read(file.as_bytes(), "gnss = \"gnss\"").unwrap();
+    let heights: Vec<_> = read.samples[0].iter().map(|sample| sample.get(2)).collect();
+    assert_eq!(heights, [Some(25.5), Some(25.5)]);
+    // 1 June 2022
+    assert_eq!(read.samples[0][0].time.nanos(), 1_654_072_200_000_000_000);
+    let qualities = [3, 2, 5].map(|quality| parse(second(0, quality)[1..].as_bytes()));
+    let of = |s: &Option<Sentence>| match s {
+        Some(Sentence::Fix { quality, .. }) => *quality,
+        _ => 0,
+    };
+    assert_eq!(qualities.each_ref().map(of), [4, 5, 2]);
+}

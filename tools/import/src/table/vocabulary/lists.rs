@@ -133,12 +133,12 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
     ("accel_x", "m/s^2", 1.0, &["längsbeschleunigung", "laengsbeschleunigung"]),
     ("accel_y", "m/s^2", 1.0, &["querbeschleunigung"]),
     ("accel_z", "m/s^2", 1.0, &["vertikalbeschleunigung", "hochbeschleunigung"]),
-    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd"]),
+    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd", "φ"]),
     (
         "lon",
         "rad",
         1.0,
-        &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda", "londd"],
+        &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda", "londd", "λ"],
     ),
     (
         "height",
@@ -257,6 +257,8 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
         1.0,
         &[
             "surge",
+            "vlängs",
+            "vlaengs",
             "u",
             "surgevelocity",
             "surgespeed",
@@ -274,6 +276,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
         1.0,
         &[
             "sway",
+            "vquer",
             "v",
             "swayvelocity",
             "swayspeed",
@@ -291,6 +294,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
         1.0,
         &[
             "heave",
+            "vvertikal",
             "w",
             "heavevelocity",
             "heavespeed",
@@ -360,6 +364,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
             "absolutepressure",
             "seapressure",
             "p",
+            "p1",
         ],
     ),
     ("x_ecef", "m", 1.0, &["ecefx", "xecef", "posecefx", "ecefpositionx"]),
