@@ -122,6 +122,14 @@ impl Plots {
         })
     }
 
+    /// Makes the range of sigma hold those of the filter itself, beside the smoothed ones.
+    pub fn include(&mut self, sigmas: impl Iterator<Item = f64>) {
+        let largest = sigmas.fold(0.0, f64::max);
+        if largest > 0.0 {
+            self.logarithms[1] = self.logarithms[1].max(largest.log10());
+        }
+    }
+
     /// The sizes of value and error at the end of the run, which determine the units; of errors that were far
     /// larger before, a part of their size.
     pub fn sizes(&self) -> [f64; 2] {
@@ -184,6 +192,16 @@ mod tests {
             [plots.value.unit, plots.error.unit]
         };
         assert_eq!([of("m"), of("m/s")], [["m", "m"], ["m/s", "m/s"]]);
+    }
+
+    #[test]
+    fn the_plot_of_a_smoothed_sigma_has_room_for_that_of_the_filter() {
+        let rows: Vec<Row<4>> = (0..10).map(|k| (k, [0.0, 0.01, 0.0, 0.02])).collect();
+        let legend = Legend { lines: 1, letters: 5, columns: 4, rows: 3 };
+        let mut plots = Plots::new(&rows, 0.0, [legend; 4]).unwrap();
+        let before = plots.logarithms;
+        plots.include([f64::NAN, 10.0, 0.01].into_iter());
+        assert_eq!(plots.logarithms, [before[0], 1.0]);
     }
 
     /// The viewer labels the ticks of the smallest power of ten that are 57 pixels apart.

@@ -254,7 +254,11 @@ impl BlockSeries {
     pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let rows: Vec<_> = self.components.iter().map(|c| c.history.rows_under(SIGMA)).collect();
         let plots = self.components.iter().zip(&rows);
-        let plots = plots.map(|(c, rows)| Plots::new(rows, self.own, self.legends(c, rows)));
+        let plots = plots.map(|(c, rows)| {
+            let mut plots = Plots::new(rows, self.own, self.legends(c, rows))?;
+            plots.include(c.filtered.rows_under(SIGMA).iter().map(|(_, [_, sigma])| *sigma));
+            Some(plots)
+        });
         let mut plots: Vec<Option<Plots>> = plots.collect();
         let sizes = plots.iter().flatten().map(Plots::sizes);
         let [value, error] =
@@ -283,7 +287,7 @@ impl BlockSeries {
         [
             of(2 + known + 2 * smoothed, truth.max(filter)),
             of(if self.own > 0.0 { 3 } else { 2 }, name + self.compared.len() + 8),
-            of(1 + known, self.size().chars().count()),
+            of(1 + known + smoothed, self.size().chars().count().max(smoothed * 12)),
             Legend { lines: 2, letters: self.ratio().chars().count(), columns: 4, rows: 3 },
         ]
     }
@@ -373,11 +377,16 @@ impl BlockSeries {
             let ([line, bound], entity) = (FILTERED, self.entity(k, "filtered"));
             let mut series =
                 Series::between(entity, (name, line, 1.2), ("filter ±3σ", bound)).broken_at(jump);
+            let sigma = ("filter sigma".to_owned(), line, 1.2);
+            let mut sigma = Series::lines(self.entity(k, "filtered_sigma"), &[sigma]);
             for (time, [x, s]) in filtered {
+                let time = Time::from_nanos(time);
+                sigma.push(recording, time, &[logarithm(s)])?;
                 let [x, b] = [x / v.size, 3.0 * s / v.size];
-                series.push(recording, Time::from_nanos(time), &[x, x + b, x - b])?;
+                series.push(recording, time, &[x, x + b, x - b])?;
             }
             series.flush(recording)?;
+            sigma.flush(recording)?;
         }
         for (time, [x, s, t, d]) in rows {
             let time = Time::from_nanos(*time);

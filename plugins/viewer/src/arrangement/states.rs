@@ -84,7 +84,10 @@ impl Layout {
             }
         }
         let title = format!("{name} sigma {}", powers(plots.error.unit));
-        let sigma = [of("sigma")];
+        let mut sigma = vec![of("sigma")];
+        if block.is_smoothed(k) {
+            sigma.push(of("filtered_sigma"));
+        }
         let range = self.legend_at(&plots.legends.sigma, needs[2], (plots.logarithms, pixels));
         all.push(self.plot_of(&title, &sigma, Some(range), None, pixels));
         all
