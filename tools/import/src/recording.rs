@@ -36,6 +36,9 @@ const ORDER: [&str; 10] = [
     "attitude",
 ];
 
+/// End of the note on a file that is not used.
+const LEFT_OUT: &str = ": left out";
+
 /// Words in the name of a file whose positions are compared alone.
 const REFERENCES: [&str; 2] = ["reference", "truth"];
 
@@ -134,7 +137,7 @@ impl Recording {
                     Ok(false) => return Ok(None),
                     // nobody named it
                     Err(error) if inside.is_some() => {
-                        recording.notes.push(format!("{error}: left out"));
+                        recording.notes.push(format!("{error}{LEFT_OUT}"));
                     }
                     Err(error) => return Err(error),
                 }
@@ -168,7 +171,10 @@ impl Recording {
         let has = self.contents.iter().map(|(file, has)| {
             format!("{}: {has}{}", file.display(), columns(file).unwrap_or_default())
         });
-        let text = format!("no file has an IMU ({})", has.collect::<Vec<_>>().join("; "));
+        // files of a folder that nobody named
+        let left = self.notes.iter().filter(|note| note.ends_with(LEFT_OUT)).cloned();
+        let text =
+            format!("no file has an IMU ({})", has.chain(left).collect::<Vec<_>>().join("; "));
         let remedy = if self.parts.iter().any(|p| p.reader == Reader::Bag) || self.bag {
             "name the fields of an unknown type in a scenario, such as \
              [source.ros2.sensors.imu] with topic = \"/fmu/out/sensor_combined\" and \

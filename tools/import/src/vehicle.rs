@@ -206,6 +206,9 @@ pub fn sensors(
         let name = &t.topic.name;
         format!("{name} is not used: it lacks gravity and the Earth's rate; record RAWIMUSX")
     }));
+    // what lacks to use an inertial unit
+    let driven = sensors.iter().any(|found| found.kind == "imu");
+    notes.extend(decoder.events().filter(|_| !driven));
     if let Some((first, interval)) = sensors.first_mut().zip(interval(&counted)) {
         first.source.push(format!("interval = \"{interval:.9} s\""));
     }

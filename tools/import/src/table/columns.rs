@@ -233,6 +233,13 @@ impl<'a> Table<'a> {
             if inertial && found.kind != "imu" && self.repeats(found.kind) {
                 found.source.push("changes_only = true".to_owned());
             }
+            let ramps = || self.ramps().filter(|_| inertial && found.kind == "gnss");
+            if let Some(rows) = ramps() {
+                found.questions.push(format!(
+                    "the positions lie on straight lines between fixes each {rows} rows, and are no measurements there: \
+                     give the fixes of the receiver in a table of their own"
+                ));
+            }
             if ["imu", "gyros", "accels"].contains(&found.kind) && clock.is_shared() {
                 found.source.push("disorder = \"spread\"".to_owned());
                 found.questions.push(

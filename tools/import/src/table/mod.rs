@@ -21,6 +21,7 @@ mod oxts;
 mod pair;
 mod place;
 mod plain;
+mod ramps;
 mod rows;
 mod rtklib;
 mod sections;

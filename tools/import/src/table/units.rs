@@ -157,7 +157,10 @@ pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), Stri
     }
     let Some((unit, _, increments)) = found.filter(|_| scatter < LOOSE) else {
         let cause = match middle {
-            m if m < 0.3 * GRAVITY => "is gravity removed from them? The filter needs it",
+            m if m < 0.3 * GRAVITY => {
+                "is gravity removed from them? The filter needs it: record the acceleration with gravity, or write \
+                  the gravity of its own file beside them, under gravity_x to gravity_z"
+            }
             m if m > 500.0 => "are they raw counts? The scale of the sensor is needed",
             _ => "check their columns",
         };
