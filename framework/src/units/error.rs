@@ -1,5 +1,7 @@
 //! Errors of quantities and units.
 
+use super::unit::nearest;
+
 /// The reason why a text is not a quantity of the dimension needed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -13,15 +15,12 @@ pub enum UnitError {
         example: String,
     },
     /// A unit that does not exist.
-    #[error(
-        "unknown unit '{unit}'{}",
-        .remedy.as_ref().map_or_else(String::new, |r| format!("; {r}"))
-    )]
+    #[error("unknown unit '{unit}'{}", remedy(unit, usual.as_deref()))]
     Unknown {
         /// The unit as found.
         unit: String,
-        /// The nearest unit, or the usual ones.
-        remedy: Option<String>,
+        /// The usual units of what is needed, which the text names if no unit is near the one found.
+        usual: Option<String>,
     },
     /// A unit of a channel that is not SI.
     #[error("'{unit}' is not SI, as samples are: declare '{si}', and convert in the source")]
@@ -90,4 +89,10 @@ pub enum UnitError {
         /// The largest value, in SI.
         limit: String,
     },
+}
+
+/// The nearest unit, or the usual ones. Programs try texts as units: only an error that is shown looks for them.
+fn remedy(unit: &str, usual: Option<&str>) -> String {
+    let near = nearest(unit).map(|near| format!("; did you mean '{near}'?"));
+    near.or_else(|| usual.map(|usual| format!("; {usual}"))).unwrap_or_default()
 }

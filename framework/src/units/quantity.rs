@@ -120,9 +120,9 @@ fn parse(text: &str, exponents: Exponents) -> Result<f64, UnitError> {
         return bare(number, text, exponents);
     }
     let parsed = parse_unit(unit).map_err(|e| match e {
-        UnitError::Unknown { unit, remedy: None } => {
+        UnitError::Unknown { unit, .. } => {
             let (name, usual) = (dimension::name(exponents), dimension::usual_units(exponents));
-            UnitError::Unknown { unit, remedy: Some(format!("{name} is needed, e.g. {usual}")) }
+            UnitError::Unknown { unit, usual: Some(format!("{name} is needed, e.g. {usual}")) }
         }
         other => other,
     })?;

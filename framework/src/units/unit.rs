@@ -221,6 +221,12 @@ fn names() -> Vec<String> {
     UNITS.iter().flat_map(all).collect()
 }
 
+/// The name of a unit that is nearest to a text.
+pub(super) fn nearest(text: &str) -> Option<String> {
+    let names = names();
+    did_you_mean(text, names.iter().map(String::as_str)).map(str::to_owned)
+}
+
 /// Parses a unit expression: units combined with `*`, `/`, `^n`, `sqrt(...)` and parentheses. The
 /// signs `°`, `µ`, `·`, `²`, `³` and `√` are allowed too. `g` is standard gravity. A
 /// whole number may be a factor: `100*us`.
@@ -335,14 +341,8 @@ impl Parser<'_> {
                 let unit = self.parenthesised()?.sqrt();
                 self.checked(unit)
             }
-            name => Unit::named(name).ok_or_else(|| {
-                let names = names();
-                let near = did_you_mean(name, names.iter().map(String::as_str));
-                UnitError::Unknown {
-                    unit: name.to_owned(),
-                    remedy: near.map(|n| format!("did you mean '{n}'?")),
-                }
-            }),
+            name => Unit::named(name)
+                .ok_or_else(|| UnitError::Unknown { unit: name.to_owned(), usual: None }),
         }
     }
 

@@ -9,8 +9,6 @@ use heights::{height, is_zero};
 use languages::{english, plain};
 use lists::{BEHIND, FOLLOWING, LOG, NOISE, OTHERS, SCALARS};
 use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
-use std::cell::RefCell;
-use std::collections::HashMap;
 use vectors::{AXES, OWN_AXES, VECTORS};
 
 /// The quantity of a column.
@@ -47,30 +45,8 @@ pub fn words(heading: &str) -> Vec<String> {
     words
 }
 
-thread_local! {
-    /// The texts that were read as units: the reason why one is none costs a millisecond, and wide tables repeat their words.
-    static READ: RefCell<HashMap<String, Option<String>>> = RefCell::default();
-}
-/// Largest number of such texts.
-const TEXTS: usize = 1 << 14;
-
 /// The units that programs write, as an expression.
 pub fn expression(text: &str) -> Option<String> {
-    if let Some(known) = READ.with_borrow(|read| read.get(text).cloned()) {
-        return known;
-    }
-    let found = read_expression(text);
-    READ.with_borrow_mut(|read| {
-        if read.len() >= TEXTS {
-            read.clear();
-        }
-        read.insert(text.to_owned(), found.clone());
-    });
-    found
-}
-
-/// The same of a text that was not read before.
-fn read_expression(text: &str) -> Option<String> {
     let clean = text.trim().trim_matches(['(', ')', '[', ']', '{', '}']).trim();
     // the zero of a height, as in `ft msl`
     let zero = clean.rsplit_once(' ').filter(|(_, zero)| is_zero(&zero.to_lowercase()));

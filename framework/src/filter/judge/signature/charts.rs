@@ -18,6 +18,12 @@ struct Chart {
 
 saved!(Chart { up, down } except { of });
 
+impl Chart {
+    fn zero(&self) -> bool {
+        self.up == 0.0 && self.down == 0.0
+    }
+}
+
 /// The sums of all channels that are compared.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Charts {
@@ -37,9 +43,8 @@ impl Charts {
         Self { charts: axes.iter().filter_map(chart).collect() }
     }
 
-    /// Adds the innovations of a sample to the cumulative sums of their channels, and returns `true` if all are
-    /// at zero: no error has begun that is larger than their sigma (Page 1954).
-    pub(super) fn quiet(&mut self, index: usize, present: u16, sample: &Whitened<'_>) -> bool {
+    /// Adds the innovations of a sample to the cumulative sums of their channels.
+    pub(super) fn take(&mut self, (index, present): (usize, u16), sample: &Whitened<'_>) {
         let update = sample.update;
         for (row, channel) in channels(present).enumerate().take(update.m) {
             let e = update.innovation[row] / update.s[row * update.m + row].sqrt();
@@ -48,6 +53,15 @@ impl Charts {
                 chart.down = (chart.down - e - SHIFT).max(0.0);
             }
         }
-        self.charts.iter().all(|chart| chart.up == 0.0 && chart.down == 0.0)
+    }
+
+    /// Returns `true` if all sums are at zero: no error has begun that is larger than their sigma.
+    pub(super) fn quiet(&self) -> bool {
+        self.charts.iter().all(Chart::zero)
+    }
+
+    /// Returns `true` if the sums of a channel of a sensor are at zero.
+    pub(super) fn still(&self, of: (usize, usize)) -> bool {
+        self.charts.iter().filter(|chart| chart.of == of).all(Chart::zero)
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct Shift {
     /// Set if its sums begin at one minute, two, four and so on: a filter that has learnt a constant for
     /// longer takes longer to follow a step, and the evidence on it grows as slowly.
     pub(super) patient: bool,
+    /// Set for an offset of a sensor that measures velocities alone, which the filter follows in seconds.
+    pub(super) followed: bool,
     /// Size from which on the error is another one.
     pub(super) most: f64,
 }
@@ -51,7 +53,13 @@ fn owner(sensors: &[Sensor], block: &str) -> Option<usize> {
 pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
     let layout = &*composition.layout;
     let (sensors, moved) = (&composition.sensors, moved(layout, &composition.processes));
-    let shift = |sensor, place| Shift { sensor, place, patient: false, most: f64::INFINITY };
+    let shift = |sensor, place| Shift {
+        sensor,
+        place,
+        patient: false,
+        followed: false,
+        most: f64::INFINITY,
+    };
     let mut all = Vec::new();
     let process = composition.processes.iter().find(|process| process.input.is_some());
     if let Some((process, input)) = process.and_then(|p| Some((p, p.input?))) {
@@ -79,9 +87,12 @@ pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
     }
     for (index, _) in sensors.iter().enumerate().filter(|(k, _)| tested[*k]) {
         let Role::Measurement(model) = &sensors[index].role else { continue };
-        all.extend((0..model.channels()).map(|channel| shift(index, Place::Channel(channel))));
+        let named = &sensors[index].info.channels;
+        let followed = named.iter().all(|channel| channel.unit.suffix() == "mps");
+        let offsets = (0..model.channels()).map(|channel| shift(index, Place::Channel(channel)));
+        all.extend(offsets.map(|offset| Shift { followed, ..offset }));
         let drifts = |unit: &str| ["m", "rad"].contains(&unit);
-        let positions = sensors[index].info.channels.iter().enumerate();
+        let positions = named.iter().enumerate();
         let positions = positions.filter(|(_, channel)| drifts(&channel.unit.suffix()));
         all.extend(positions.map(|(channel, _)| shift(index, Place::Drift(channel))));
     }
@@ -233,7 +244,7 @@ mod tests {
     #[test]
     fn an_offset_is_the_same_in_each_sample_and_a_drift_grows_with_its_age() {
         let entered = |place| {
-            let shift = Shift { sensor: 0, place, patient: false, most: 1.0 };
+            let shift = Shift { sensor: 0, place, patient: false, followed: false, most: 1.0 };
             let mut g = [[0.0_f32; 4]; MAX_CHANNELS];
             shift.enter(&mut g, 1..3, Some(0b101), |column| 10.0 * column as f64);
             assert_eq!(g[0], [0.0; 4]);

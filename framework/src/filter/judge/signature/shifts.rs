@@ -8,6 +8,10 @@
 //! sample while the cumulative sums of all channels are zero (Page 1954), so that it begins at a larger step,
 //! and just before the gate begins to refuse samples; it takes the place of another one if it has found more.
 //!
+//! The filter follows an offset of a velocity log within seconds: a sum that begins a second before it does not fit.
+//! Each of its channels therefore has sums of its own, and the newest one begins while the cumulative sum of that
+//! channel is zero. The other errors share the begins of their sums.
+//!
 //! A step of a bias of the driving sensor that a filter follows slowly has four sums of its own, of which three
 //! begin again at one minute, two, four and so on.
 //!
@@ -83,6 +87,8 @@ pub(super) struct Shifts {
     axes: Vec<Shift>,
     /// Sums of the errors, [`WIDE`] together.
     effects: Vec<Effect<WIDE>>,
+    /// The errors whose sums begin together.
+    groups: Vec<Range<usize>>,
     driver: Option<usize>,
     sensors: usize,
     /// Rows of the error state that are rotations.
@@ -103,7 +109,7 @@ pub(super) struct Shifts {
 
 saved!(Shifts {
     run, start, next, span, severity, refused, lasting, charts,
-} each { effects, gated } except { axes, driver, sensors, rotations });
+} each { effects, gated } except { axes, groups, driver, sensors, rotations });
 
 /// A significant error, the worst one that explains the same samples, and whether it goes on.
 pub(super) struct Step {
@@ -125,6 +131,11 @@ impl Shifts {
         let n = composition.layout.tangent;
         let mut axes = places(composition, tested);
         axes.truncate(COMPARED);
+        axes.sort_by_key(|axis| axis.followed);
+        let shared = axes.iter().position(|axis| axis.followed).unwrap_or(axes.len());
+        let single = (shared..axes.len()).map(|axis| axis..axis + 1);
+        let groups =
+            std::iter::once(0..shared).filter(|all| !all.is_empty()).chain(single).collect();
         let driver = composition.processes.iter().find_map(|process| process.input);
         let slow = axes.iter().filter(|axis| Some(axis.sensor) == driver);
         axes.extend(slow.map(|axis| Shift { patient: true, ..*axis }).collect::<Vec<_>>());
@@ -133,6 +144,7 @@ impl Shifts {
         (!axes.is_empty()).then(|| Self {
             axes,
             effects,
+            groups,
             driver,
             sensors: composition.sensors.len(),
             rotations: rotations(&composition.layout),
@@ -184,21 +196,17 @@ impl Shifts {
         self.refused = [0.0; 2];
         self.gated.fill(Gated::default());
         for sum in 0..SUMS {
-            self.renew(sum, time, false);
-            self.renew(sum, time, true);
+            self.renew(0..self.axes.len(), sum, time);
         }
     }
 
-    /// Begins one sum of all errors of a kind again.
-    fn renew(&mut self, sum: usize, time: Time, slow: bool) {
-        for (axis, Shift { place, patient, .. }) in self.axes.iter().enumerate() {
-            if *patient != slow {
-                continue;
-            }
+    /// Begins one sum of some errors again.
+    fn renew(&mut self, axes: Range<usize>, sum: usize, time: Time) {
+        for axis in axes {
             let (effect, column) = at(axis, sum);
             let effect = &mut self.effects[effect];
             effect.renew(column, time);
-            if let Place::State(row) = *place {
+            if let Place::State(row) = self.axes[axis].place {
                 effect.s[row][column] = 1.0;
             }
         }
@@ -253,30 +261,38 @@ impl Shifts {
         if !(calm && sample.used) {
             return;
         }
-        if self.charts.quiet(index, present, sample) {
-            if time.since(self.since(0, RECENT)) >= LASTS {
-                self.promote();
-            }
+        self.charts.take((index, present), sample);
+        let quiet = self.charts.quiet();
+        if quiet {
             self.refused = [0.0; 2];
-            self.renew(RECENT, time, false);
+        }
+        for group in 0..self.groups.len() {
+            let axes = self.groups[group].clone();
+            let begins = match self.axes[axes.start] {
+                Shift { followed: true, sensor, place: Place::Channel(channel), .. } => {
+                    self.charts.still((sensor, channel))
+                }
+                _ => quiet,
+            };
+            if begins {
+                if time.since(self.since(axes.start, RECENT)) >= LASTS {
+                    self.promote(axes.clone());
+                }
+                self.renew(axes, RECENT, time);
+            }
         }
     }
 
-    /// Keeps the newest sum in place of the one in which less is found.
-    fn promote(&mut self) {
-        let found = self.most(RECENT);
-        let (weakest, least) = self.weakest();
+    /// Keeps the newest sum of some errors in place of the one in which less is found.
+    fn promote(&mut self, axes: Range<usize>) {
+        let found = self.most(axes.clone(), RECENT);
+        let (weakest, least) = self.weakest(axes.clone());
         if found >= PROMISING * PROMISING && found > least {
-            for axis in self.quick() {
+            for axis in axes {
                 let (effect, from) = at(axis, RECENT);
                 self.effects[effect].copy(from, at(axis, weakest).1);
             }
         }
-    }
-
-    /// The errors but for the slow steps, which come last.
-    fn quick(&self) -> Range<usize> {
-        0..self.axes.iter().position(|axis| axis.patient).unwrap_or(self.axes.len())
     }
 
     /// Ends a span where one is due. A significant error that leads all others clearly is contained, and
@@ -437,18 +453,21 @@ impl Shifts {
     /// Begins the sum again in which less is found, once the newest is old enough, and a sum of the slow steps
     /// at one minute after the start, at two, four and so on.
     fn turn(&mut self, time: Time) {
-        let newest = (0..RECENT).map(|sum| self.since(0, sum)).max();
-        if newest.is_some_and(|newest| time.since(newest) >= TURN) {
-            let (sum, _) = self.weakest();
-            self.renew(sum, time, false);
+        for group in 0..self.groups.len() {
+            let axes = self.groups[group].clone();
+            let newest = (0..RECENT).map(|sum| self.since(axes.start, sum)).max();
+            if newest.is_some_and(|newest| time.since(newest) >= TURN) {
+                let (sum, _) = self.weakest(axes.clone());
+                self.renew(axes, sum, time);
+            }
         }
-        let slow = self.quick().end;
+        let slow = self.groups.last().map_or(0, |axes| axes.end);
         if slow == self.axes.len() {
             return;
         }
         let begun = (0..SUMS).map(|sum| self.since(slow, sum).since(self.start));
         if time.since(self.start) >= FIRST.max(2.0 * begun.fold(0.0, f64::max)) {
-            self.renew(self.next, time, true);
+            self.renew(slow..self.axes.len(), self.next, time);
             self.next = 1 + self.next % (SUMS - 1);
         }
     }

@@ -5,6 +5,7 @@ use super::super::parameter::LINEAR;
 use super::super::score::{PARAMETER, Score, leading};
 use super::super::shift::{Place, Shift};
 use super::{Covariance, RECENT, SUMS, Shifts, at};
+use std::ops::Range;
 
 impl Shifts {
     /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
@@ -72,14 +73,14 @@ impl Shifts {
         (0..self.axes.len()).filter_map(|other| Some((other, alike(other)?))).collect()
     }
 
-    /// The largest evidence that begins with a sum.
-    pub(super) fn most(&self, sum: usize) -> f64 {
-        self.quick().map(|axis| self.evidence(axis, sum)).fold(0.0, f64::max)
+    /// The largest evidence for some errors that begins with a sum.
+    pub(super) fn most(&self, axes: Range<usize>, sum: usize) -> f64 {
+        axes.map(|axis| self.evidence(axis, sum)).fold(0.0, f64::max)
     }
 
     /// The sum in which less is found, of those that begin at any time, and its evidence.
-    pub(super) fn weakest(&self) -> (usize, f64) {
-        let sums = (1..RECENT).map(|sum| (sum, self.most(sum)));
+    pub(super) fn weakest(&self, axes: Range<usize>) -> (usize, f64) {
+        let sums = (1..RECENT).map(|sum| (sum, self.most(axes.clone(), sum)));
         sums.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
     }
 
