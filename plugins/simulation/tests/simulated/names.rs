@@ -93,6 +93,20 @@ fn a_gyro_that_steps_is_named_where_gnss_is_the_only_sensor() {
     }
 }
 
+/// 50 mg are 12 cm/s after the first sample and 1.6 m after ten: the gate refuses from the second or third sample on, and no
+/// sample before shows the step. A jump or a drift of the receiver does not grow like that.
+#[test]
+fn a_step_of_the_imu_that_the_gate_refuses_at_once_is_named_within_seconds() {
+    for (size, channel) in [("50 mg", "accel_x"), ("-60 mg", "accel_y"), ("2 deg/s", "gyro_x")] {
+        let step = format!(
+            "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"150 s\", size = \"{size}\", channels = [\"{channel}\"] }}]"
+        );
+        let healthy = "sensor.gnss.simulation.outages=[]";
+        let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, &step]));
+        assert_eq!(named.to_vec(), all("imu"), "{channel}");
+    }
+}
+
 /// After an outage of 26 s a step of an accelerometer would explain fixes that are off by 3 m, or 11 m: no sample
 /// before has seen it grow.
 #[test]

@@ -8,6 +8,9 @@ use crate::units::sample::channels;
 /// Half of the shift that the cumulative sums find fastest, in the sigma of an innovation.
 const SHIFT: f64 = 1.0;
 
+/// Cumulative sum up to which no large error has begun: one that takes an innovation 3 sigma off exceeds it.
+const NEAR: f64 = 2.0;
+
 /// Cumulative sums of the innovations of a channel, one for each sign.
 #[derive(Clone, Debug, Default)]
 struct Chart {
@@ -58,6 +61,11 @@ impl Charts {
     /// Returns `true` if all sums are at zero: no error has begun that is larger than their sigma.
     pub(super) fn quiet(&self) -> bool {
         self.charts.iter().all(Chart::zero)
+    }
+
+    /// Returns `true` if no sum shows a large error: that begins with samples which are not far off.
+    pub(super) fn near(&self) -> bool {
+        self.charts.iter().all(|chart| chart.up.max(chart.down) <= NEAR)
     }
 
     /// Returns `true` if the sums of a channel of a sensor are at zero.

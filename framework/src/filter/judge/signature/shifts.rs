@@ -12,8 +12,9 @@
 //! Each of its channels therefore has sums of its own, and the newest one begins while the cumulative sum of that
 //! channel is zero. The other errors share the begins of their sums.
 //!
-//! A step of a bias of the driving sensor that a filter follows slowly has four sums of its own, of which three
-//! begin again at one minute, two, four and so on.
+//! A step of a bias of the driving sensor that a filter follows slowly has four sums of its own, of which two
+//! begin again at one minute, two, four and so on. The last one begins again with each sample that is not far off, and
+//! shows a step so large that the gate refuses what follows.
 //!
 //! An error is named if it leads each error of another sensor clearly, and the offsets of all channels
 //! of another sensor together. A step of a state widens the covariance by `(4 a^2 + var a) s s'`, with
@@ -103,12 +104,14 @@ pub(super) struct Shifts {
     severity: Option<Severity>,
     /// Weighted squares of the refused innovations since the last sum began, and their number.
     refused: [f64; 2],
+    /// Number of the refused samples since then, and the sum of their weights.
+    weights: [f64; 2],
     /// What the gate refused of each sensor since the first sum began.
     gated: Vec<Gated>,
 }
 
 saved!(Shifts {
-    run, start, next, span, severity, refused, lasting, charts,
+    run, start, next, span, severity, refused, weights, lasting, charts,
 } each { effects, gated } except { axes, groups, driver, sensors, rotations });
 
 /// A significant error, the worst one that explains the same samples, and whether it goes on.
@@ -156,6 +159,7 @@ impl Shifts {
             span: Time::MIN,
             severity: None,
             refused: [0.0; 2],
+            weights: [0.0; 2],
             gated: vec![Gated::default(); composition.sensors.len()],
         })
     }
@@ -193,7 +197,7 @@ impl Shifts {
             self.run = time;
         }
         (self.start, self.span, self.next) = (time, time, 1);
-        self.refused = [0.0; 2];
+        (self.refused, self.weights) = ([0.0; 2], [0.0; 2]);
         self.gated.fill(Gated::default());
         for sum in 0..SUMS {
             self.renew(0..self.axes.len(), sum, time);
@@ -210,6 +214,11 @@ impl Shifts {
                 effect.s[row][column] = 1.0;
             }
         }
+    }
+
+    /// The steps that a filter follows slowly, which come last.
+    fn slow(&self) -> Range<usize> {
+        self.groups.last().map_or(0, |axes| axes.end)..self.axes.len()
     }
 
     /// Time since which a sum of an error runs.
@@ -240,6 +249,7 @@ impl Shifts {
             let products = sample.update.innovation.iter().zip(&sample.y);
             self.refused[0] += sample.weight * products.map(|(y, white)| y * white).sum::<f64>();
             self.refused[1] += sample.update.m as f64;
+            self.weights = [self.weights[0] + 1.0, self.weights[1] + sample.weight];
         }
         let Self { axes, effects, lasting, .. } = self;
         for Lasting { axis, effect } in lasting {
@@ -264,7 +274,10 @@ impl Shifts {
         self.charts.take((index, present), sample);
         let quiet = self.charts.quiet();
         if quiet {
-            self.refused = [0.0; 2];
+            (self.refused, self.weights) = ([0.0; 2], [0.0; 2]);
+        }
+        if self.charts.near() {
+            self.renew(self.slow(), RECENT, time);
         }
         for group in 0..self.groups.len() {
             let axes = self.groups[group].clone();
@@ -315,8 +328,7 @@ impl Shifts {
         self.effects.iter_mut().for_each(Effect::end_span);
         self.lasting.iter_mut().for_each(|lasting| lasting.effect.end_span());
         let old = |axis: usize, sum: usize| {
-            let lasts = sum != RECENT || self.axes[axis].patient;
-            lasts && time.since(self.since(axis, sum)) >= LEAST && self.explains(axis, sum)
+            sum != RECENT && time.since(self.since(axis, sum)) >= LEAST && self.explains(axis, sum)
         };
         let worst = self.worst(old, (covariance, considered), false);
         let Some(worst) = worst.filter(|worst| self.leads(worst, &rival)) else {
@@ -330,7 +342,7 @@ impl Shifts {
     /// refuse one more. If it refuses one sensor alone, the error has to grow, as one of the driving sensor does: the
     /// samples before show it as well, and it is none if it fits poorly and a jump of one of the channels clearly
     /// better. In the first minute of a run, of whose samples nearly all were refused, it may fit those well, and
-    /// clearly better than any jump.
+    /// clearly better than any jump. So it may at any time if they are far beyond the limit of the gate.
     pub(super) fn refused(
         &mut self,
         (time, alone): (Time, Option<usize>),
@@ -339,13 +351,22 @@ impl Shifts {
         rival: impl Fn(usize) -> f64,
     ) -> Option<Step> {
         let [squares, count] = self.refused;
-        let began = |axis, sum| self.evidence_of(axis, sum, false) >= PROMISING * PROMISING;
         let early = time.since(self.run) <= EARLY;
+        // what was wrong from the start, such as a clock, looks like a step that begins just now
+        let began = |axis: usize, sum| {
+            !(early && self.axes[axis].patient)
+                && self.evidence_of(axis, sum, false) >= PROMISING * PROMISING
+        };
         let counts = |axis: usize, sum: usize| {
             let left = squares - self.evidence(axis, sum) - count;
             let Shift { sensor, patient, .. } = self.axes[axis];
-            let grows = |sensor| began(axis, sum) || early && self.grows(axis, sum, sensor);
-            let driving = Some(sensor) == self.driver && !patient && sum != 0;
+            let grows = |alone| {
+                began(axis, sum)
+                    || early && !patient && self.grows(axis, sum, alone)
+                    || patient && self.outgrows(axis, sum, alone)
+            };
+            let driving =
+                Some(sensor) == self.driver && if patient { sum == RECENT } else { sum != 0 };
             driving && left <= GONE * squares && alone.is_none_or(grows)
         };
         let worst = self.worst(counts, (covariance, considered), true)?;
@@ -461,14 +482,14 @@ impl Shifts {
                 self.renew(axes, sum, time);
             }
         }
-        let slow = self.groups.last().map_or(0, |axes| axes.end);
-        if slow == self.axes.len() {
+        let slow = self.slow();
+        if slow.is_empty() {
             return;
         }
-        let begun = (0..SUMS).map(|sum| self.since(slow, sum).since(self.start));
+        let begun = (0..RECENT).map(|sum| self.since(slow.start, sum).since(self.start));
         if time.since(self.start) >= FIRST.max(2.0 * begun.fold(0.0, f64::max)) {
-            self.renew(slow..self.axes.len(), self.next, time);
-            self.next = 1 + self.next % (SUMS - 1);
+            self.renew(slow, self.next, time);
+            self.next = 1 + self.next % (RECENT - 1);
         }
     }
 }

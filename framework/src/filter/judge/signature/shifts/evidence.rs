@@ -7,6 +7,10 @@ use super::super::shift::{Place, Shift};
 use super::{Covariance, RECENT, SUMS, Shifts, at};
 use std::ops::Range;
 
+/// Multiple of the limit of the gate from which on innovations are far beyond it: a gate that refuses good samples
+/// refuses those just beyond its limit.
+const FAR: f64 = 3.0;
+
 impl Shifts {
     /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
     /// turned the estimate so far that the test is not linear.
@@ -30,8 +34,8 @@ impl Shifts {
     /// Score of a sum of an error. A slow step is found by the samples that the filter follows.
     pub(super) fn score_of(&self, axis: usize, sum: usize) -> Score {
         let (effect, column) = at(axis, sum);
-        let patient = self.axes[axis].patient;
-        if patient { self.used(axis, sum) } else { self.effects[effect].all(column) }
+        let slow = self.axes[axis].patient && sum != RECENT;
+        if slow { self.used(axis, sum) } else { self.effects[effect].all(column) }
     }
 
     pub(super) fn linear(&self, axis: usize, sum: usize) -> bool {
@@ -90,6 +94,9 @@ impl Shifts {
         let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
         let (mut most, mut offsets) = (0.0_f64, 0.0);
         for (index, axis) in own {
+            if axis.patient && sum == RECENT {
+                continue;
+            }
             let evidence = self.evidence_of(index, sum, all);
             most = most.max(evidence);
             match axis.place {
@@ -100,13 +107,31 @@ impl Shifts {
         most.max(if offsets > 0.0 { offsets + PARAMETER } else { 0.0 }).sqrt()
     }
 
+    /// Returns `true` if the gate refused samples of a sensor of positions that are far beyond its limit, and an error fits
+    /// these clearly better than a jump or a drift of one of the channels does. An error of the driving sensor is a
+    /// drift of a velocity, so that a velocity log alone does not decide.
+    pub(super) fn outgrows(&self, axis: usize, sum: usize, sensor: usize) -> bool {
+        let [samples, weights] = self.weights;
+        let drifts = |axis: &Shift| axis.sensor == sensor && matches!(axis.place, Place::Drift(_));
+        if FAR * weights >= samples || !self.axes.iter().any(drifts) {
+            return false;
+        }
+        let own = self.largest(sensor, |place| !matches!(place, Place::State(_)));
+        self.of_refused(axis, sum) > leading(own)
+    }
+
     /// Score in sigma, at the stated noise, of an offset of one channel of a sensor that begins with the first
     /// sample that the gate refused. An error of the driving sensor is in several channels, such as a velocity
     /// and a position.
     pub(super) fn jump(&self, sensor: usize) -> f64 {
-        let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
-        let channels = own.filter(|(_, axis)| matches!(axis.place, Place::Channel(_)));
-        let sums = channels.flat_map(|(axis, _)| (0..SUMS).map(move |sum| (axis, sum)));
+        self.largest(sensor, |place| matches!(place, Place::Channel(_)))
+    }
+
+    /// Largest score in sigma of some errors of a sensor, at the stated noise, by the samples that the gate refused.
+    fn largest(&self, sensor: usize, counts: impl Fn(Place) -> bool) -> f64 {
+        let own = self.axes.iter().enumerate();
+        let own = own.filter(|(_, axis)| axis.sensor == sensor && counts(axis.place));
+        let sums = own.flat_map(|(axis, _)| (0..SUMS).map(move |sum| (axis, sum)));
         sums.map(|(axis, sum)| self.of_refused(axis, sum)).fold(0.0, f64::max)
     }
 
