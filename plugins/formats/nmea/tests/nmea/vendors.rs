@@ -278,7 +278,7 @@ fn ggk_of_trimble_has_a_date_and_the_height_above_the_ellipsoid() {
     assert_eq!(heights, [Some(25.5), Some(25.5)]);
     // 1 June 2022
     assert_eq!(read.samples[0][0].time.nanos(), 1_654_072_200_000_000_000);
-    let qualities = [3, 2, 5].map(|quality| parse(second(0, quality)[1..].as_bytes()));
+    let qualities = [3, 2, 5].map(|quality| parse(&second(0, quality).as_bytes()[1..]));
     let of = |s: &Option<Sentence>| match s {
         Some(Sentence::Fix { quality, .. }) => *quality,
         _ => 0,
