@@ -12,9 +12,9 @@
 //! Each of its channels therefore has sums of its own, and the newest one begins while the cumulative sum of that
 //! channel is zero. The other errors share the begins of their sums.
 //!
-//! A step of a bias of the driving sensor that a filter follows slowly has four sums of its own, of which two
-//! begin again at one minute, two, four and so on. The last one begins again with each sample that is not far off, and
-//! shows a step so large that the gate refuses what follows.
+//! A step of a bias of the driving sensor that a filter follows slowly has four sums of its own, of which three
+//! begin again at one minute, two, four and so on. One more begins again with each sample that is not far off: it shows
+//! a step so large that the gate refuses what follows.
 //!
 //! An error is named if it leads each error of another sensor clearly, and the offsets of all channels
 //! of another sensor together. A step of a state widens the covariance by `(4 a^2 + var a) s s'`, with
@@ -23,11 +23,12 @@
 //! from then on.
 
 mod evidence;
+mod refusal;
 
 use super::charts::Charts;
 use super::constants::rotations;
 use super::contain::Containment;
-use super::effect::{Effect, Found, RECENT, SUMS, WIDE, Whitened};
+use super::effect::{Effect, Found, OFFSETS, RECENT, SUMS, WIDE, Whitened};
 use super::lanes::Changes;
 use super::refused::Gated;
 use super::score::{SPAN, Score, leading};
@@ -42,15 +43,13 @@ use crate::state::covariance::Covariance;
 use crate::state::{Layout, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
+use refusal::REFUSED;
 use std::ops::Range;
 
 /// Time from the begin of one sum to that of the next, s.
 const TURN: f64 = 40.0;
 /// Time from the start to the begin of the second sum of a slow step, s; the next ones begin at twice the age.
 const FIRST: f64 = 60.0;
-/// Time from the start in which an error that was there from the start shows, s: later the filter has errors of its own
-/// where it refuses nearly all samples.
-const EARLY: f64 = 60.0;
 /// Least age of a sum, s: a scatter of few spans is not known.
 const LEAST: f64 = 60.0;
 /// Score in sigma with which the newest sum is kept, and the least age, s: by chance one of twenty errors
@@ -63,10 +62,6 @@ const SIGNIFICANT: f64 = 6.6;
 /// Score in sigma at which a step of a bias of the driving sensor is significant. Of 600 runs without a step, 4
 /// exceed 4.25 by chance, and none 4.5.
 const STEP: f64 = 4.75;
-/// Score in sigma that is significant where the gate refuses samples.
-const REFUSED: f64 = 6.0;
-/// Mean square of what an error leaves of the refused innovations above which it does not fit them.
-const POOR: f64 = 2.0;
 /// Ratio of the sigma of a step to its estimated size: a sum that began long before the step sees a
 /// smaller one.
 const ROOM: f64 = 2.0;
@@ -88,6 +83,9 @@ pub(super) struct Shifts {
     axes: Vec<Shift>,
     /// Sums of the errors, [`WIDE`] together.
     effects: Vec<Effect<WIDE>>,
+    /// Sums of the large steps of the biases of the driving sensor, which are the first errors.
+    large: Effect<OFFSETS>,
+    biases: usize,
     /// The errors whose sums begin together.
     groups: Vec<Range<usize>>,
     driver: Option<usize>,
@@ -111,8 +109,8 @@ pub(super) struct Shifts {
 }
 
 saved!(Shifts {
-    run, start, next, span, severity, refused, weights, lasting, charts,
-} each { effects, gated } except { axes, groups, driver, sensors, rotations });
+    run, start, next, span, severity, refused, weights, lasting, charts, large,
+} each { effects, gated } except { axes, biases, groups, driver, sensors, rotations });
 
 /// A significant error, the worst one that explains the same samples, and whether it goes on.
 pub(super) struct Step {
@@ -120,6 +118,11 @@ pub(super) struct Step {
     axis: usize,
     alike: Option<(usize, Found)>,
     pub(super) lasts: bool,
+}
+
+/// Size of the score of an error that was found, in sigma.
+fn significance((_, found): &(usize, Found)) -> f64 {
+    found.score.sigmas().abs()
 }
 
 /// Place of a sum of an error: its effect, and the column there.
@@ -142,11 +145,14 @@ impl Shifts {
         let driver = composition.processes.iter().find_map(|process| process.input);
         let slow = axes.iter().filter(|axis| Some(axis.sensor) == driver);
         axes.extend(slow.map(|axis| Shift { patient: true, ..*axis }).collect::<Vec<_>>());
+        let biases = axes.iter().take_while(|axis| Some(axis.sensor) == driver).count();
         let effects = vec![Effect::new(n); (axes.len() * SUMS).div_ceil(WIDE)];
         let charts = Charts::new(&axes);
         (!axes.is_empty()).then(|| Self {
             axes,
             effects,
+            large: Effect::new(n),
+            biases: biases.min(OFFSETS),
             groups,
             driver,
             sensors: composition.sensors.len(),
@@ -189,6 +195,7 @@ impl Shifts {
     /// Carries the sensitivities to the present.
     pub(super) fn carry(&mut self, changes: &Changes) {
         self.effects.iter_mut().for_each(|effect| effect.carry(changes));
+        self.large.carry(changes);
         self.lasting.iter_mut().for_each(|lasting| lasting.effect.carry(changes));
     }
 
@@ -202,6 +209,7 @@ impl Shifts {
         for sum in 0..SUMS {
             self.renew(0..self.axes.len(), sum, time);
         }
+        self.renew_large(time);
     }
 
     /// Begins one sum of some errors again.
@@ -223,14 +231,14 @@ impl Shifts {
 
     /// Time since which a sum of an error runs.
     fn since(&self, axis: usize, sum: usize) -> Time {
-        let (effect, column) = at(axis, sum);
-        self.effects[effect].since(column)
+        self.all(axis, sum).since
     }
 
     /// Begins all sums at the next sample. What they have counts no more until then.
     pub(super) fn restart(&mut self) {
         self.start = Time::MIN;
         self.effects.iter_mut().for_each(|effect| effect.restart(Time::MIN));
+        self.large.restart(Time::MIN);
     }
 
     /// Takes a sample of a sensor; `calm` is set while all sensors agree with the filter.
@@ -268,6 +276,9 @@ impl Shifts {
             }
             effect.take(sample, &g);
         }
+        let mut g = [[0.0; OFFSETS]; MAX_CHANNELS];
+        self.large.seen(sample, &mut g);
+        self.large.take(sample, &g);
         if !(calm && sample.used) {
             return;
         }
@@ -277,7 +288,7 @@ impl Shifts {
             (self.refused, self.weights) = ([0.0; 2], [0.0; 2]);
         }
         if self.charts.near() {
-            self.renew(self.slow(), RECENT, time);
+            self.renew_large(time);
         }
         for group in 0..self.groups.len() {
             let axes = self.groups[group].clone();
@@ -326,56 +337,18 @@ impl Shifts {
         }
         self.span = time;
         self.effects.iter_mut().for_each(Effect::end_span);
+        self.large.end_span();
         self.lasting.iter_mut().for_each(|lasting| lasting.effect.end_span());
         let old = |axis: usize, sum: usize| {
-            sum != RECENT && time.since(self.since(axis, sum)) >= LEAST && self.explains(axis, sum)
+            (sum != RECENT || self.axes[axis].patient)
+                && time.since(self.since(axis, sum)) >= LEAST
+                && self.explains(axis, sum)
         };
         let worst = self.worst(old, (covariance, considered), false);
         let Some(worst) = worst.filter(|worst| self.leads(worst, &rival)) else {
             self.turn(time);
             return None;
         };
-        self.contain(worst, time, (covariance, considered), containment)
-    }
-
-    /// Names an error of the driving sensor that explains what the gate has refused, where it is about to
-    /// refuse one more. If it refuses one sensor alone, the error has to grow, as one of the driving sensor does: the
-    /// samples before show it as well, and it is none if it fits poorly and a jump of one of the channels clearly
-    /// better. In the first minute of a run, of whose samples nearly all were refused, it may fit those well, and
-    /// clearly better than any jump. So it may at any time if they are far beyond the limit of the gate.
-    pub(super) fn refused(
-        &mut self,
-        (time, alone): (Time, Option<usize>),
-        (covariance, considered): (&mut Covariance, &[bool]),
-        containment: &mut Containment,
-        rival: impl Fn(usize) -> f64,
-    ) -> Option<Step> {
-        let [squares, count] = self.refused;
-        let early = time.since(self.run) <= EARLY;
-        // what was wrong from the start, such as a clock, looks like a step that begins just now
-        let began = |axis: usize, sum| {
-            !(early && self.axes[axis].patient)
-                && self.evidence_of(axis, sum, false) >= PROMISING * PROMISING
-        };
-        let counts = |axis: usize, sum: usize| {
-            let left = squares - self.evidence(axis, sum) - count;
-            let Shift { sensor, patient, .. } = self.axes[axis];
-            let grows = |alone| {
-                began(axis, sum)
-                    || early && !patient && self.grows(axis, sum, alone)
-                    || patient && self.outgrows(axis, sum, alone)
-            };
-            let driving =
-                Some(sensor) == self.driver && if patient { sum == RECENT } else { sum != 0 };
-            driving && left <= GONE * squares && alone.is_none_or(grows)
-        };
-        let worst = self.worst(counts, (covariance, considered), true)?;
-        let (raw, sum) = (worst.1.score.raw(), worst.1.sum - at(worst.0, 0).1);
-        let poor = squares - raw * raw > POOR * count;
-        let jumps = |sensor| !began(worst.0, sum) || self.jump(sensor) > leading(raw);
-        if poor && alone.is_some_and(jumps) || !self.leads(&worst, &rival) {
-            return None;
-        }
         self.contain(worst, time, (covariance, considered), containment)
     }
 
@@ -403,6 +376,9 @@ impl Shifts {
                 let (effect, column) = at(axis, sum);
                 containment
                     .widen(covariance, variance, |i| f64::from(self.effects[effect].s[i][column]));
+            }
+            if axis < self.biases {
+                containment.widen(covariance, variance, |i| f64::from(self.large.s[i][axis]));
             }
             containment.widen(covariance, variance, |i| if i == row { 1.0 } else { 0.0 });
             self.begin(time);
@@ -456,8 +432,7 @@ impl Shifts {
             Some(later.flatten().filter(|later| !clear(later)).unwrap_or(worst))
         };
         let found = (0..self.axes.len()).filter_map(|axis| Some((axis, of(axis)?)));
-        let weight = |(_, found): &(usize, Found)| found.score.sigmas().abs();
-        found.max_by(|a, b| weight(a).total_cmp(&weight(b)))
+        found.max_by(|a, b| significance(a).total_cmp(&significance(b)))
     }
 
     /// Returns `true` if a larger noise does not explain what an error does. The limit of a slow step holds for its
@@ -486,10 +461,10 @@ impl Shifts {
         if slow.is_empty() {
             return;
         }
-        let begun = (0..RECENT).map(|sum| self.since(slow.start, sum).since(self.start));
+        let begun = (0..SUMS).map(|sum| self.since(slow.start, sum).since(self.start));
         if time.since(self.start) >= FIRST.max(2.0 * begun.fold(0.0, f64::max)) {
             self.renew(slow, self.next, time);
-            self.next = 1 + self.next % (RECENT - 1);
+            self.next = 1 + self.next % (SUMS - 1);
         }
     }
 }

@@ -4,12 +4,9 @@ use super::super::effect::Found;
 use super::super::parameter::LINEAR;
 use super::super::score::{PARAMETER, Score, leading};
 use super::super::shift::{Place, Shift};
+use super::refusal::LARGE;
 use super::{Covariance, RECENT, SUMS, Shifts, at};
 use std::ops::Range;
-
-/// Multiple of the limit of the gate from which on innovations are far beyond it: a gate that refuses good samples
-/// refuses those just beyond its limit.
-const FAR: f64 = 3.0;
 
 impl Shifts {
     /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
@@ -26,23 +23,30 @@ impl Shifts {
         if counts { sigmas * sigmas } else { 0.0 }
     }
 
-    fn used(&self, axis: usize, sum: usize) -> Score {
+    /// Score of a sum of an error by all samples.
+    pub(super) fn all(&self, axis: usize, sum: usize) -> Score {
         let (effect, column) = at(axis, sum);
-        self.effects[effect].used(column)
+        if sum == LARGE { self.large.all(axis) } else { self.effects[effect].all(column) }
+    }
+
+    /// The same by those that the gate did not refuse.
+    pub(super) fn used(&self, axis: usize, sum: usize) -> Score {
+        let (effect, column) = at(axis, sum);
+        if sum == LARGE { self.large.used(axis) } else { self.effects[effect].used(column) }
     }
 
     /// Score of a sum of an error. A slow step is found by the samples that the filter follows.
     pub(super) fn score_of(&self, axis: usize, sum: usize) -> Score {
-        let (effect, column) = at(axis, sum);
-        let slow = self.axes[axis].patient && sum != RECENT;
-        if slow { self.used(axis, sum) } else { self.effects[effect].all(column) }
+        if self.axes[axis].patient { self.used(axis, sum) } else { self.all(axis, sum) }
     }
 
     pub(super) fn linear(&self, axis: usize, sum: usize) -> bool {
-        let (effect, column) = at(axis, sum);
-        let effect = &self.effects[effect];
-        let size = effect.all(column).size();
-        self.rotations.iter().all(|row| (size * f64::from(effect.s[*row][column])).abs() < LINEAR)
+        let (size, (effect, column)) = (self.all(axis, sum).size(), at(axis, sum));
+        let turned = |row: usize| match sum {
+            LARGE => self.large.s[row][axis],
+            _ => self.effects[effect].s[row][column],
+        };
+        self.rotations.iter().all(|row| (size * f64::from(turned(*row))).abs() < LINEAR)
     }
 
     /// Returns `true` if an error of a sensor explains what the gate refused of it.
@@ -94,9 +98,6 @@ impl Shifts {
         let own = self.axes.iter().enumerate().filter(|(_, axis)| axis.sensor == sensor);
         let (mut most, mut offsets) = (0.0_f64, 0.0);
         for (index, axis) in own {
-            if axis.patient && sum == RECENT {
-                continue;
-            }
             let evidence = self.evidence_of(index, sum, all);
             most = most.max(evidence);
             match axis.place {
@@ -105,48 +106,6 @@ impl Shifts {
             }
         }
         most.max(if offsets > 0.0 { offsets + PARAMETER } else { 0.0 }).sqrt()
-    }
-
-    /// Returns `true` if the gate refused samples of a sensor of positions that are far beyond its limit, and an error fits
-    /// these clearly better than a jump or a drift of one of the channels does. An error of the driving sensor is a
-    /// drift of a velocity, so that a velocity log alone does not decide.
-    pub(super) fn outgrows(&self, axis: usize, sum: usize, sensor: usize) -> bool {
-        let [samples, weights] = self.weights;
-        let drifts = |axis: &Shift| axis.sensor == sensor && matches!(axis.place, Place::Drift(_));
-        if FAR * weights >= samples || !self.axes.iter().any(drifts) {
-            return false;
-        }
-        let own = self.largest(sensor, |place| !matches!(place, Place::State(_)));
-        self.of_refused(axis, sum) > leading(own)
-    }
-
-    /// Score in sigma, at the stated noise, of an offset of one channel of a sensor that begins with the first
-    /// sample that the gate refused. An error of the driving sensor is in several channels, such as a velocity
-    /// and a position.
-    pub(super) fn jump(&self, sensor: usize) -> f64 {
-        self.largest(sensor, |place| matches!(place, Place::Channel(_)))
-    }
-
-    /// Largest score in sigma of some errors of a sensor, at the stated noise, by the samples that the gate refused.
-    fn largest(&self, sensor: usize, counts: impl Fn(Place) -> bool) -> f64 {
-        let own = self.axes.iter().enumerate();
-        let own = own.filter(|(_, axis)| axis.sensor == sensor && counts(axis.place));
-        let sums = own.flat_map(|(axis, _)| (0..SUMS).map(move |sum| (axis, sum)));
-        sums.map(|(axis, sum)| self.of_refused(axis, sum)).fold(0.0, f64::max)
-    }
-
-    /// Score in sigma of an error, at the stated noise, by the samples that the gate refused.
-    fn of_refused(&self, axis: usize, sum: usize) -> f64 {
-        let (effect, column) = at(axis, sum);
-        self.effects[effect].all(column).without(&self.effects[effect].used(column)).raw()
-    }
-
-    /// Returns `true` if the gate refused nearly all samples of a sensor, and an error since the start fits these clearly
-    /// better than a jump of one of its channels does.
-    pub(super) fn grows(&self, axis: usize, sum: usize, sensor: usize) -> bool {
-        self.since(axis, sum) == self.run
-            && self.gated[sensor].nearly_all()
-            && self.of_refused(axis, sum) > leading(self.jump(sensor))
     }
 
     /// Score in sigma of the most significant drift of a sensor.
