@@ -56,12 +56,6 @@ const LEAST: f64 = 60.0;
 /// has a score of 3.5 in one of a hundred sums.
 const PROMISING: f64 = 3.5;
 const LASTS: f64 = 0.5;
-/// Score in sigma that is significant: 6 for one error, as that of a time offset, and `2 ln 48` more in twice
-/// the log-likelihood ratio, since as many errors and more begins are compared.
-const SIGNIFICANT: f64 = 6.6;
-/// Score in sigma at which a step of a bias of the driving sensor is significant. Of 600 runs without a step, 4
-/// exceed 4.25 by chance, and none 4.5.
-const STEP: f64 = 4.75;
 /// Ratio of the sigma of a step to its estimated size: a sum that began long before the step sees a
 /// smaller one.
 const ROOM: f64 = 2.0;
@@ -102,7 +96,7 @@ pub(super) struct Shifts {
     severity: Option<Severity>,
     /// Weighted squares of the refused innovations since the last sum began, and their number.
     refused: [f64; 2],
-    /// Number of the refused samples since then, and the sum of their weights.
+    /// Number of the refused samples since then, and the sum of the limit of the gate over their innovations.
     weights: [f64; 2],
     /// What the gate refused of each sensor since the first sum began.
     gated: Vec<Gated>,
@@ -241,11 +235,12 @@ impl Shifts {
         self.large.restart(Time::MIN);
     }
 
-    /// Takes a sample of a sensor; `calm` is set while all sensors agree with the filter.
+    /// Takes a sample of a sensor, and the limit of the gate over its innovation, as far as the known scatter explains it;
+    /// `calm` is set while all sensors agree with the filter.
     pub(super) fn take(
         &mut self,
         Measured { sensor: index, present }: Measured,
-        sample: &Whitened<'_>,
+        (sample, near): (&Whitened<'_>, f64),
         (time, calm): (Time, bool),
     ) {
         if self.start == Time::MIN {
@@ -257,7 +252,7 @@ impl Shifts {
             let products = sample.update.innovation.iter().zip(&sample.y);
             self.refused[0] += sample.weight * products.map(|(y, white)| y * white).sum::<f64>();
             self.refused[1] += sample.update.m as f64;
-            self.weights = [self.weights[0] + 1.0, self.weights[1] + sample.weight];
+            self.weights = [self.weights[0] + 1.0, self.weights[1] + near.min(1.0)];
         }
         let Self { axes, effects, lasting, .. } = self;
         for Lasting { axis, effect } in lasting {
@@ -433,17 +428,6 @@ impl Shifts {
         };
         let found = (0..self.axes.len()).filter_map(|axis| Some((axis, of(axis)?)));
         found.max_by(|a, b| significance(a).total_cmp(&significance(b)))
-    }
-
-    /// Returns `true` if a larger noise does not explain what an error does. The limit of a slow step holds for its
-    /// score as it is.
-    fn noise_is_no_rival(&self, axis: usize, score: &Score) -> bool {
-        self.axes[axis].patient || score.significance() >= self.significant(axis)
-    }
-
-    /// Score in sigma at which an error is significant.
-    fn significant(&self, axis: usize) -> f64 {
-        if self.axes[axis].patient { STEP } else { SIGNIFICANT }
     }
 
     /// Begins the sum again in which less is found, once the newest is old enough, and a sum of the slow steps

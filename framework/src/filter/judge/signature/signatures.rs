@@ -279,7 +279,8 @@ impl Signatures {
             return;
         }
         if let Some(shifts) = shifts {
-            shifts.take(Measured { sensor: index, present }, &scaled, (time, calm));
+            let near = weight / known.sqrt();
+            shifts.take(Measured { sensor: index, present }, (&scaled, near), (time, calm));
         }
         parameters.take(Measured { sensor: index, present }, &scaled, (model, info), at);
     }
