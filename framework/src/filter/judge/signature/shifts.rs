@@ -31,7 +31,7 @@ use super::contain::Containment;
 use super::effect::{Effect, Found, OFFSETS, RECENT, SUMS, WIDE, Whitened};
 use super::lanes::Changes;
 use super::refused::Gated;
-use super::score::{SPAN, Score, leading};
+use super::score::{SPAN, leading};
 use super::shift::{Place, Shift, places};
 use crate::checkpoint::saved;
 use crate::compose::Composition;
@@ -235,7 +235,7 @@ impl Shifts {
         self.large.restart(Time::MIN);
     }
 
-    /// Takes a sample of a sensor, and the limit of the gate over its innovation, as far as the known scatter explains it;
+    /// Takes a sample of a sensor, and the limit of the gate over its innovation, as far as its noise explains it;
     /// `calm` is set while all sensors agree with the filter.
     pub(super) fn take(
         &mut self,

@@ -250,6 +250,7 @@ impl Signatures {
         let known = self.spread[index].take(present, &y[..m]);
         backward(lower, m, &mut y[..m]);
         let Treatment { weight, used, calm, isolated } = treatment;
+        let near = weight * self.spread[index].noise().sqrt();
         let Self { offsets, shifts, parameters, gain, jacobian, .. } = self;
         gain.clear();
         gain.extend(update.gain().iter().map(|gain| *gain as f32));
@@ -279,7 +280,6 @@ impl Signatures {
             return;
         }
         if let Some(shifts) = shifts {
-            let near = weight / known.sqrt();
             shifts.take(Measured { sensor: index, present }, (&scaled, near), (time, calm));
         }
         parameters.take(Measured { sensor: index, present }, &scaled, (model, info), at);
@@ -330,9 +330,8 @@ impl Signatures {
         Some(delta)
     }
 
-    /// Names an offset of a sensor of which the gate is about to refuse another sample, or an error of the
-    /// driving sensor, if that explains those before. If the gate refuses many in a row, an offset that is
-    /// taken off was none.
+    /// Names an offset of a sensor of which the gate is about to refuse another sample, or an error of the driving
+    /// sensor, if that explains those before. If the gate refuses many in a row, an offset that is taken off was none.
     pub(in crate::filter) fn explain<'a>(
         &mut self,
         Refusal { sensor: index, insists, shared }: Refusal,

@@ -68,6 +68,11 @@ impl Spread {
         if self.count < FIRST { 0.0 } else { 1.0 / self.square.max(self.mean).max(1.0) }
     }
 
+    /// Noise in units of the stated variance, where it is larger: an error that grows is not in it.
+    pub(super) fn noise(&self) -> f64 {
+        self.square.max(1.0)
+    }
+
     /// Mean square of half the change from the last sample that counted.
     fn change(&self, white: &[f64]) -> f64 {
         let changes = white.iter().zip(&self.before).map(|(now, before)| now - before);

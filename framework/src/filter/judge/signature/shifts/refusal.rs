@@ -58,9 +58,9 @@ impl Shifts {
             let driving = Some(sensor) == self.driver && !patient && sum != 0;
             driving && left <= GONE * squares && alone.is_none_or(grows)
         };
-        let worst = self.worst(&counts, (covariance, considered), true);
+        let worst = self.worst(counts, (covariance, considered), true);
         let worst = worst.map(|(axis, found)| (found.sum - at(axis, 0).1, (axis, found)));
-        let large = self.large(&counts, (covariance, considered)).map(|large| (LARGE, large));
+        let large = self.large(counts, (covariance, considered)).map(|large| (LARGE, large));
         let (sum, worst) = [worst, large]
             .into_iter()
             .flatten()
