@@ -21,6 +21,15 @@ fn dive(fault: &str) -> Vec<Option<String>> {
     ["seed=1", "seed=2"].map(|seed| first(QUICKSTART, &[seed, fault])).into()
 }
 
+/// What is named in two runs of the car, of whose IMU a channel steps.
+fn car_after_step([from, size, channel]: [&str; 3]) -> Vec<Option<String>> {
+    let step = format!(
+        "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"{from}\", size = \"{size}\", channels = [\"{channel}\"] }}]"
+    );
+    let healthy = "sensor.gnss.simulation.outages=[]";
+    ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, &step])).into()
+}
+
 fn all(about: &str) -> Vec<Option<String>> {
     vec![Some(about.to_owned()); 2]
 }
@@ -84,12 +93,7 @@ fn a_late_gnss_is_named_where_it_is_the_only_sensor() {
 #[test]
 fn a_gyro_that_steps_is_named_where_gnss_is_the_only_sensor() {
     for channel in ["gyro_x", "gyro_y", "gyro_z"] {
-        let step = format!(
-            "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"100 s\", size = \"0.4 deg/s\", channels = [\"{channel}\"] }}]"
-        );
-        let healthy = "sensor.gnss.simulation.outages=[]";
-        let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, &step]));
-        assert_eq!(named.to_vec(), all("imu"), "{channel}");
+        assert_eq!(car_after_step(["100 s", "0.4 deg/s", channel]), all("imu"), "{channel}");
     }
 }
 
@@ -98,12 +102,7 @@ fn a_gyro_that_steps_is_named_where_gnss_is_the_only_sensor() {
 #[test]
 fn a_step_of_the_imu_that_the_gate_refuses_at_once_is_named_within_seconds() {
     for (size, channel) in [("50 mg", "accel_x"), ("-60 mg", "accel_y"), ("2 deg/s", "gyro_x")] {
-        let step = format!(
-            "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"150 s\", size = \"{size}\", channels = [\"{channel}\"] }}]"
-        );
-        let healthy = "sensor.gnss.simulation.outages=[]";
-        let named = ["seed=1", "seed=2"].map(|seed| first(CAR, &[seed, healthy, &step]));
-        assert_eq!(named.to_vec(), all("imu"), "{channel}");
+        assert_eq!(car_after_step(["150 s", size, channel]), all("imu"), "{channel}");
     }
 }
 
