@@ -246,7 +246,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Observability(arguments) => {
             commands::observability::observability(registry, &arguments)
         }
-        Commands::Merge(arguments) => commands::merge::merge(&arguments),
+        Commands::Merge(arguments) => commands::merge::merge(registry, &arguments),
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Diagnose(arguments) => commands::diagnose::diagnose(registry, &arguments),

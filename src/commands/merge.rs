@@ -1,11 +1,15 @@
 //! `navfuse merge`.
 
 use crate::error::{CommandError, Result};
-use crate::execution::campaign::{Kind, report};
+use crate::execution::campaign::{Kind, report, threads};
 use crate::execution::input::runs_folder;
+use crate::execution::worst::Again;
 use crate::output::Format;
 use crate::output::campaign::Shown;
+use crate::output::progress::stop_on_signal;
 use clap::Args;
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -36,7 +40,7 @@ pub struct Merge {
 }
 
 /// Joins the parts of a campaign, and prints the results as the command of the parts does.
-pub fn merge(arguments: &Merge) -> Result<ExitCode> {
+pub fn merge(registry: &Registry, arguments: &Merge) -> Result<ExitCode> {
     let campaign = navfuse_campaign::campaign_of(&arguments.parts[0])?;
     let (name, shown) = match (campaign.keys.is_empty(), campaign.runs) {
         (false, _) => ("sweep", Shown::Grid(&arguments.show)),
@@ -54,6 +58,9 @@ pub fn merge(arguments: &Merge) -> Result<ExitCode> {
     let out = arguments.out.clone().unwrap_or_else(folder);
     let results = navfuse_campaign::merge(&arguments.parts, &out)?;
     let kind = Kind { name, shown, scenario: "SCENARIO" };
-    report(&campaign, &results, &kind, Some(&out), arguments.format == Format::Text)?;
+    let document = Document::parse(format!("{}.toml", campaign.scenario), campaign.text.as_str())?;
+    let (stop, threads) = (stop_on_signal(), threads(None)?);
+    let again = Again { registry, document: &document, threads, stop: &stop };
+    report(&campaign, &results, &kind, again, Some(&out), arguments.format == Format::Text)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -25,6 +25,7 @@ Examples:
 Each run draws the initial errors from the priors, fresh noise, and the truth of every state for \
 which the scenario states none. The command writes:
   campaign.html    a page: verdict, tables, plots, and the runs to look at
+  worst-N.html     the reports of these runs, at most 5 and one for 10 runs
   report.json      the tables that it prints
   epochs.parquet   RMSE, sigma, bound, ANEES and NIS over time
   runs.parquet     one row for each run and epoch: errors, sigmas, NEES, NIS

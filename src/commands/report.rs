@@ -1,7 +1,7 @@
 //! `navfuse report`.
 
 use crate::error::{CommandError, Result};
-use crate::execution::history::{End, run};
+use crate::execution::history::{End, observability, run, tracker};
 use crate::execution::input::{
     document, document_of, has_extension, log_of, missing_log, runs_folder,
 };
@@ -13,15 +13,11 @@ use navfuse_core::input::open;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::session::Finished;
-use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink};
+use navfuse_observability::ObservabilityReport;
 use navfuse_report::RunHistory;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
-
-/// Interval at which the observability is examined, s.
-const EVERY: f64 = 1.0;
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -93,8 +89,7 @@ fn of_scenario(
     bar: &Bar,
 ) -> Result<Content> {
     let document = document(&arguments.of)?;
-    let tracker = Box::new(TrackerSink::new(EVERY));
-    let sinks = vec![("observability".to_owned(), tracker as _)];
+    let sinks = vec![tracker()];
     let copy = document.clone();
     let (mut history, end, mut finished) =
         run(registry, document, &arguments.set, sinks, stop, bar)?;
@@ -146,7 +141,7 @@ fn filter_again(
         Ok(assembly) => assembly,
         Err(error) => return Ok(without_observability(&error)),
     };
-    assembly.sinks.push(("observability".to_owned(), Box::new(TrackerSink::new(EVERY))));
+    assembly.sinks.push(tracker());
     let mut finished = runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
     if !finished.interrupted {
@@ -156,12 +151,6 @@ fn filter_again(
         history.sensitivity = Some(sensitivity(registry, document, &settings, None, stop, bar)?);
     }
     Ok(observability(&scenario.name(), &mut finished))
-}
-
-/// The observability of a run with a tracker; none where the filter did not start.
-fn observability(name: &str, finished: &mut Finished) -> Option<ObservabilityReport> {
-    let tracker = TrackerSink::take(finished).filter(Tracker::started);
-    tracker.map(|tracker| ObservabilityReport::new(name, &tracker))
 }
 
 /// Warns that the page has no verdicts of observability.

@@ -2,6 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::input::{document, runs_folder, seconds};
+use crate::execution::worst::Again;
 use crate::output::campaign::{self as show, Shown};
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::scenarios;
@@ -11,6 +12,7 @@ use clap::{Args, ValueEnum};
 use navfuse_campaign::{
     Campaign, Extent, Folder, JobCount, Options, Results, Shard, execute, variation,
 };
+use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -95,6 +97,8 @@ pub fn drawn(runs: usize, draws: &Draws, vary: &[String]) -> Result<Options> {
 pub struct Conducted {
     /// The campaign.
     pub campaign: Campaign,
+    /// Its scenario.
+    pub document: Document,
     /// Its results; none for a part of a campaign.
     pub results: Option<Results>,
     /// The folder of its files.
@@ -161,7 +165,7 @@ pub fn conduct(
     bar.done();
     let done = done?;
     let results = folder.finish(done)?;
-    Ok(Some(Conducted { campaign, results, out, done }))
+    Ok(Some(Conducted { campaign, document, results, out, done }))
 }
 
 /// Runs a campaign and prints its results.
@@ -176,11 +180,13 @@ pub fn run(
     let stop = stop_on_signal();
     let text = settings.format == Format::Text;
     let conducted = conduct(registry, path, settings, options, kind, &stop)?;
-    let Some(Conducted { campaign, results, out, done }) = conducted else {
+    let Some(Conducted { campaign, document, results, out, done }) = conducted else {
         return Ok(ExitCode::SUCCESS);
     };
+    let again =
+        Again { registry, document: &document, threads: threads(settings.jobs)?, stop: &stop };
     match (&results, &out) {
-        (Some(results), _) => report(&campaign, results, kind, out.as_deref(), text)?,
+        (Some(results), _) => report(&campaign, results, kind, again, out.as_deref(), text)?,
         (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
@@ -232,7 +238,9 @@ pub fn run_several(
             continue;
         };
         if let (Some(results), Some(out)) = (&one.results, &one.out) {
-            draw(&one.campaign, results, &kind, Some(out), &mut Vec::new())?;
+            let threads = threads(own.jobs)?;
+            let again = Again { registry, document: &one.document, threads, stop: &stop };
+            draw(&one.campaign, results, &kind, again, Some(out), &mut Vec::new())?;
         }
         total.done += one.done.done;
         total.asked += one.done.asked;
@@ -293,11 +301,12 @@ pub fn report(
     campaign: &Campaign,
     results: &Results,
     kind: &Kind<'_>,
+    again: Again<'_>,
     out: Option<&Path>,
     text: bool,
 ) -> Result<()> {
     let mut files = results.files.clone();
-    let drawn = draw(campaign, results, kind, out, &mut files);
+    let drawn = draw(campaign, results, kind, again, out, &mut files);
     match (text, Detail::get()) {
         (false, _) => output::line(serde_json::to_string(&results.report)?),
         (true, Detail::Quiet) => show::verdicts(results),
@@ -314,6 +323,7 @@ fn draw(
     campaign: &Campaign,
     results: &Results,
     kind: &Kind<'_>,
+    again: Again<'_>,
     out: Option<&Path>,
     files: &mut Vec<PathBuf>,
 ) -> Result<()> {
@@ -324,11 +334,15 @@ fn draw(
             output::write(&path, &navfuse_figures::svg(figure)?)?;
             files.push(path);
         }
-        let page =
-            navfuse_report::campaign::page(campaign, results, &figures, |c| kind.shown.shows(c))?;
+        let pages = again.pages(campaign, results, out)?;
+        let name = |page: &PathBuf| page.file_name().map(|n| n.to_string_lossy().into_owned());
+        let names: Vec<String> = pages.iter().filter_map(name).collect();
+        let shown = |c: &_| kind.shown.shows(c);
+        let page = navfuse_report::campaign::page(campaign, results, &figures, shown, &names)?;
         let path = out.join("campaign.html");
         output::write(&path, &page)?;
         files.push(path);
+        files.extend(pages);
         #[cfg(feature = "rerun")]
         if campaign.keys.is_empty() {
             let path = out.join("campaign.rrd");

@@ -7,3 +7,4 @@ pub mod run;
 pub mod screen;
 pub mod sensitivity;
 pub mod service;
+pub mod worst;

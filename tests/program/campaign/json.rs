@@ -25,6 +25,21 @@ const STATE: [&str; 10] = [
     "smoothed",
 ];
 
+/// Of ten runs the worst one has a page, which is that of the run with this seed.
+#[test]
+fn the_page_of_a_campaign_leads_to_the_page_of_its_worst_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().display().to_string();
+    let campaign = ["monte-carlo", &path("quickstart"), "--runs", "10", "--out", &out];
+    output(&[&campaign[..], &SHORT].concat());
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("a page");
+    let worst = &json(&folder.path().join("report.json"))["points"][0]["worst"];
+    let link = format!("<a href=\"worst-1.html\">{}</a>", worst["run"]);
+    assert!(read("campaign.html").contains(&link), "{link}");
+    assert!(read("worst-1.html").contains(&format!("seed = {}", worst["seed"])), "{worst}");
+    assert!(!folder.path().join("worst-2.html").exists());
+}
+
 #[test]
 fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     let folder = tempfile::tempdir().expect("a folder");

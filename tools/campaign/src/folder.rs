@@ -24,7 +24,7 @@ pub const BOUNDS: &str = "bounds.parquet";
 const EPOCHS: &str = "epochs.parquet";
 const REPORT: &str = "report.json";
 /// Names of all files that a campaign of any kind writes.
-const ALL: [&str; 13] = [
+const ALL: [&str; 18] = [
     CAMPAIGN,
     RUNS,
     BOUNDS,
@@ -38,6 +38,11 @@ const ALL: [&str; 13] = [
     "sweep.svg",
     "campaign.rrd",
     "campaign.html",
+    "worst-1.html",
+    "worst-2.html",
+    "worst-3.html",
+    "worst-4.html",
+    "worst-5.html",
 ];
 
 /// Content of `campaign.json`.

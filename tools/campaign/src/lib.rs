@@ -32,7 +32,7 @@ mod verdict;
 pub mod words;
 
 pub use bound::bound;
-pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};
+pub use campaign::{Campaign, InitialErrors, Job, Options, Point, Shard, variation};
 pub use columns::{BlockColumns, Columns, Component};
 pub use error::{CampaignError, ShardError};
 pub use execute::{Extent, JobCount, execute};

@@ -14,8 +14,14 @@ use navfuse_figures::{Figure, FigureError};
 /// Number of runs that the page lists, the largest NEES first.
 const LISTED: usize = 5;
 
+/// Returns the runs to look at: those that ended early, then those with the largest NEES.
+pub fn to_look_at(statistics: &PointStatistics) -> impl Iterator<Item = usize> {
+    let failed = statistics.failures.iter().map(|(run, _)| *run);
+    failed.chain(statistics.worst().into_iter().map(|(run, _)| run)).take(LISTED)
+}
+
 /// Writes the page of a campaign, a bound or a sweep with its figures. `shown` selects the
-/// components in the tables of a sweep.
+/// components in the tables of a sweep; `pages` has the files of the first runs to look at, beside the page.
 ///
 /// # Errors
 /// Returns an error if the drawing library fails.
@@ -24,6 +30,7 @@ pub fn page(
     results: &Results,
     figures: &[Figure],
     shown: impl Fn(&Component) -> bool,
+    pages: &[String],
 ) -> Result<String, FigureError> {
     let point = match (&results.report.points[..], &results.points[..]) {
         ([report], [statistics]) => Some((report, statistics)),
@@ -73,7 +80,7 @@ pub fn page(
                             @if *beyond > 0 { " " (beyond) " runs lie beyond the right edge." }
                         })?)
                     }
-                    (worst(campaign, report, statistics))
+                    (worst(campaign, report, statistics, pages))
                 }
             }
             section #plots {
@@ -274,22 +281,36 @@ fn grid(campaign: &Campaign, results: &Results, shown: impl Fn(&Component) -> bo
     }
 }
 
-/// Lists the runs to look at: those that ended early, then those with the largest NEES.
-fn worst(campaign: &Campaign, point: &PointReport, statistics: &PointStatistics) -> Markup {
-    let failed = statistics.failures.iter().map(|(run, reason)| (*run, None, reason.as_str()));
-    let largest = statistics.worst().into_iter().map(|(run, nees)| (run, Some(nees), ""));
+/// Lists the runs to look at, each with a link to its page or with the command that writes one.
+fn worst(
+    campaign: &Campaign,
+    point: &PointReport,
+    statistics: &PointStatistics,
+    pages: &[String],
+) -> Markup {
+    let reason = |run: usize| statistics.failures.iter().find(|f| f.0 == run).map(|f| &f.1);
+    let nees = |run: usize| statistics.nees.iter().find(|n| n.0 == run).map(|n| n.1);
     html! {
         h3 { "Runs to look at" }
         div.wide { table {
             thead { tr {
                 th { "run" } th { "NEES" } th.name { "run it again" }
             } }
-            tbody { @for (run, nees, reason) in failed.chain(largest).take(LISTED) {
+            tbody { @for (k, run) in to_look_at(statistics).enumerate() {
+                @let reason = reason(run);
                 tr.first {
-                    th { (run) }
-                    td { @if let Some(nees) = nees { (format!("{nees:.1}")) } @else { "-" } }
+                    th { @match pages.get(k) {
+                        Some(page) => a href=(page) { (run) },
+                        None => (run),
+                    } }
+                    td {
+                        @match nees(run).filter(|_| reason.is_none()) {
+                            Some(nees) => (format!("{nees:.1}")),
+                            None => "-",
+                        }
+                    }
                     td.text {
-                        @if !reason.is_empty() { span.bad { (reason) ": " } }
+                        @if let Some(reason) = reason { span.bad { (reason) ": " } }
                         code { "navfuse report SCENARIO " (campaign.again(0, run)) }
                     }
                 }
@@ -297,7 +318,9 @@ fn worst(campaign: &Campaign, point: &PointReport, statistics: &PointStatistics)
         } }
         p.note {
             "Expected NEES: " (point.anees.first().map_or(0, |a| a.dimension)) ", the number of "
-            "states with a known error. SCENARIO is the file of " (campaign.scenario) "."
+            "states with a known error. "
+            @if !pages.is_empty() { "A number with a link leads to the page of that run. " }
+            "SCENARIO is the file of " (campaign.scenario) "."
         }
     }
 }
