@@ -18,6 +18,7 @@ mod common;
 mod consistency;
 mod detection;
 mod diagnose;
+mod diagnose_driving;
 mod diagnose_recorded;
 mod export;
 mod gallery;

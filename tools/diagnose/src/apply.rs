@@ -49,11 +49,13 @@ impl<'a> At<'a> {
     /// Sets a value; a comment behind the one before stays.
     fn assign(self, key: &Key, value: Value) -> Option<()> {
         match self {
-            At::Table(table) => {
-                let before = table.get(key).and_then(Item::as_value);
-                let value = placed_as(before, value);
-                table.insert(key, Item::Value(value));
-            }
+            At::Table(table) => match (table.get_mut(key), value) {
+                (Some(Item::Table(of)), Value::InlineTable(values)) => merge(of, values),
+                (before, value) => {
+                    let value = placed_as(before.and_then(|item| item.as_value()), value);
+                    table.insert(key, Item::Value(value));
+                }
+            },
             At::Array(array) => {
                 let element = array.get_mut(index(key)?)?;
                 *element = placed_as(Some(&*element), value);
@@ -84,6 +86,15 @@ pub fn apply(text: &str, settings: &[String]) -> Result<String, DiagnoseError> {
         at.assign(last, value.parse().unwrap_or_else(|_| value.into())).ok_or_else(through)?;
     }
     Ok(document.to_string())
+}
+
+/// Gives a table with a heading of its own the entries of another one. What stays keeps its comments.
+fn merge(table: &mut Table, values: InlineTable) {
+    table.retain(|key, _| values.contains_key(key));
+    for (key, value) in values {
+        let (key, value) = (Key::new(key), value);
+        let _ = At::Table(&mut *table).assign(&key, value);
+    }
 }
 
 /// The index of an element that a key is.
@@ -161,6 +172,17 @@ mod tests {
             let error = apply(text, &[path.to_owned()]).unwrap_err();
             assert!(error.to_string().contains(path), "{error}");
         }
+    }
+
+    #[test]
+    fn a_table_with_a_heading_keeps_it_and_its_comments() {
+        let text = "# of the receiver\n[sensor.gnss.time_offset] # lag\n# of the data sheet\n\
+                    sigma = \"50 ms\" # usual\nmode = \"fixed\"\n";
+        let setting = "sensor.gnss.time_offset={ initial = \"1 s\", sigma = \"0.3 s\" }";
+        let written = apply(text, &[setting.to_owned()]).unwrap();
+        let expected = "# of the receiver\n[sensor.gnss.time_offset] # lag\n# of the data sheet\n\
+                        sigma = \"0.3 s\" # usual\ninitial = \"1 s\"\n";
+        assert_eq!(written, expected);
     }
 
     #[test]

@@ -9,11 +9,15 @@ use navfuse_core::plugin::Kind;
 use navfuse_core::run::schema::parameters;
 
 mod axes;
+mod clocks;
 mod factors;
 mod gravity;
+mod mounting;
 mod noise;
 mod units;
 mod zeros;
+
+pub(crate) use clocks::closer;
 
 /// Jumps of a clock, s: the leap seconds between GPS, UTC and TAI, and their changes since 2012.
 const JUMPS: [i32; 5] = [17, 18, 19, 27, 37];
@@ -50,12 +54,14 @@ impl Scene<'_> {
         let (name, kind) = (sensor.info.name.as_str(), sensor.info.kind.as_str());
         let measures = sensor.info.purpose == Purpose::Measurement;
         let mut all = noise::larger(self, sensor);
+        all.extend(self.calibrations(Kind::Sensor, name, kind));
         if measures {
-            all.extend(self.calibrations(Kind::Sensor, name, kind));
             all.extend(self.gates(name));
             all.extend(lags(name));
         } else {
             all.extend(self.screening(name, kind));
+            all.extend(clocks::shifted(name, self.document));
+            all.extend(mounting::turned(self, sensor));
         }
         if !sensor.constraint {
             all.extend(axes::turned(sensor, self.document));
@@ -74,6 +80,11 @@ impl Scene<'_> {
             let example = parameter.takes.strip_prefix("calibration, ")?.to_owned();
             Some((parameter.key, example))
         });
+        // a clock of a driving sensor is no state
+        let drives = self.sensors.iter().any(|s| {
+            kind == Kind::Sensor && s.info.name == name && s.info.purpose == Purpose::Input
+        });
+        let states = states.filter(|(key, _)| !(drives && key == "time_offset"));
         let mut all = Vec::new();
         for (key, example) in states {
             for sigma in wide(&key, &example) {
@@ -216,7 +227,11 @@ fn wide(key: &str, example: &str) -> &'static [&'static str] {
     match unit_of(example) {
         "m" if key.ends_with("lever_arm") => &["2 m"],
         "m" => &["10 m"],
+        // of a triad against the other one, or against its own axes
+        "deg" if key.ends_with("_axes") || key.ends_with("_misalignment") => &["2 deg"],
         "deg" => &["10 deg"],
+        // of a triad of an IMU
+        "ppm" if key.starts_with("gyro_") || key.starts_with("accel_") => &["1 %", "20 %"],
         "ppm" => &["20 %"],
         "ms" => &["0.3 s", "1.9 s"],
         "cm/s" => &["50 cm/s"],

@@ -289,7 +289,7 @@ pub fn detect(
 fn detection(kind: &Kind, seed: u64, with: &Outcome, without: Option<&Outcome>) -> Detection {
     let ratio = without.map(|without| {
         let wanted = &without.densities.count;
-        let total = |run: &Outcome| run.densities.total(wanted, &Channels::new());
+        let total = |run: &Outcome| run.densities.total(wanted, &Channels::new(), false);
         2.0 * (total(without) - total(with))
     });
     let right = |name: &String| kind.culprit.iter().any(|part| name.starts_with(part.as_str()));

@@ -145,7 +145,8 @@ impl Diagnosis {
     /// The changes that the samples favour, and between which they do not decide.
     pub fn near(&self) -> impl Iterator<Item = &Trial> {
         let most = self.trials.first().map_or(0.0, |first| first.score);
-        self.trials.iter().take_while(move |t| t.score >= CLEAR && most - t.score < CLEAR)
+        let least = search::favoured(self.unchanged.level);
+        self.trials.iter().take_while(move |t| t.score >= least && most - t.score < CLEAR)
     }
 }
 

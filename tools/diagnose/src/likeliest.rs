@@ -43,7 +43,7 @@ pub fn likeliest<'a>(
         outcome.filter(|outcome| !outcome.interrupted).map(|outcome| (at, outcome))
     });
     let wanted = most(&scene, runs.iter().map(|(_, outcome)| outcome));
-    let total = |outcome: &Outcome| 2.0 * outcome.densities.total(&wanted, &scales);
+    let total = |outcome: &Outcome| 2.0 * outcome.densities.total(&wanted, &scales, false);
     let before = runs.iter().find(|(at, _)| *at == 0).map(|(_, outcome)| total(outcome));
     let best = runs.iter().map(|(at, outcome)| (*at, total(outcome)));
     let best = best.max_by(|a, b| a.1.total_cmp(&b.1));

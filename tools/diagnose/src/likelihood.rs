@@ -42,6 +42,7 @@ pub(crate) struct Likelihood {
     stretches: Channels<f64>,
     names: Vec<String>,
     sensors: Vec<Sums>,
+    seconds: BTreeMap<i64, f64>,
 }
 
 /// The log-densities of a run, by sensor and channel.
@@ -51,6 +52,8 @@ pub(crate) struct Densities {
     pub count: Channels<u64>,
     /// Normalised innovation squared of the accepted samples of each sensor, and their channels.
     pub nis: BTreeMap<String, (f64, u64)>,
+    /// The log-densities of all channels of each second.
+    pub seconds: BTreeMap<i64, f64>,
 }
 
 impl Likelihood {
@@ -68,7 +71,7 @@ impl Likelihood {
 
     /// The log-densities.
     pub fn densities(&self) -> Densities {
-        let mut all = Densities::default();
+        let mut all = Densities { seconds: self.seconds.clone(), ..Densities::default() };
         for (name, sums) in self.names.iter().zip(&self.sensors) {
             all.density.insert(name.clone(), sums.density);
             all.count.insert(name.clone(), sums.count);
@@ -86,9 +89,12 @@ impl Likelihood {
             sums.nis.0 += update.nis;
             sums.nis.1 += update.innovation.len() as u64;
         }
+        let second = self.seconds.entry(update.time.seconds().floor() as i64).or_default();
         for (k, (channel, innovation, sigma)) in update.channels().enumerate() {
             let density = density(whitened[k], diagonal[k], innovation, sums.scale[channel]);
-            sums.density[channel] += density + sums.stretch[channel];
+            let density = density + sums.stretch[channel];
+            sums.density[channel] += density;
+            *second += density;
             sums.count[channel] += 1;
             sums.smallest[channel] = sums.smallest[channel].min(sigma);
         }
@@ -104,10 +110,20 @@ impl Densities {
         (nis / channels as f64, channels)
     }
 
+    /// How far the gain over other densities is from chance, in sigma. A change that only turns noise
+    /// around, such as the sign of a channel that reads nothing else, gains in some seconds what it
+    /// loses in others: the losses give the variance of such a gain.
+    pub fn significance(&self, before: &Self) -> f64 {
+        let both = self.seconds.iter().filter_map(|(k, d)| Some(d - before.seconds.get(k)?));
+        let add = |(gain, lost): (f64, f64), d: f64| (gain + d, lost + d.min(0.0).powi(2));
+        let (gain, lost) = both.fold((0.0, 0.0), add);
+        gain / (2.0 * lost).sqrt().max(1.0)
+    }
+
     /// The log-likelihood of `wanted` values of each channel. A channel that has fewer pays the
     /// density of an outlier of its scale for each that it lacks; one that has more, as a constraint
-    /// may, counts with their mean.
-    pub fn total(&self, wanted: &Channels<u64>, scales: &Channels<f64>) -> f64 {
+    /// may, counts with their mean. So does one that has fewer where a clock was `moved`.
+    pub fn total(&self, wanted: &Channels<u64>, scales: &Channels<f64>, moved: bool) -> f64 {
         let mut total = 0.0;
         for (name, wanted) in wanted {
             let none = [0.0; MAX_CHANNELS];
@@ -115,9 +131,11 @@ impl Densities {
             let count = self.count.get(name).copied().unwrap_or_default();
             let scale = scales.get(name).copied().unwrap_or([1.0; MAX_CHANNELS]);
             for k in 0..MAX_CHANNELS {
-                let share =
-                    if count[k] > wanted[k] { wanted[k] as f64 / count[k] as f64 } else { 1.0 };
-                total += share * density[k];
+                if count[k] > wanted[k] || (moved && count[k] > 0) {
+                    total += wanted[k] as f64 / count[k] as f64 * density[k];
+                    continue;
+                }
+                total += density[k];
                 if let missing @ 1.. = wanted[k].saturating_sub(count[k]) {
                     total += missing as f64 * (OUTLIERS / (TAU * scale[k])).ln();
                 }
@@ -211,6 +229,19 @@ mod tests {
     }
 
     #[test]
+    fn a_gain_that_comes_with_losses_of_its_size_is_chance() {
+        let seconds = |values: &[f64]| Densities {
+            seconds: (0..).zip(values.iter().copied()).collect(),
+            ..Densities::default()
+        };
+        let before = seconds(&[0.0; 6]);
+        let noise = seconds(&[9.0, -8.0, 7.0, -6.0, 8.0, -3.0]);
+        let cause = seconds(&[9.0, 8.0, 7.0, -0.5, 8.0, 0.0]);
+        assert!(noise.significance(&before) < 1.0);
+        assert!(cause.significance(&before) > 10.0);
+    }
+
+    #[test]
     fn a_value_that_a_run_lacks_pays_the_price_of_an_outlier() {
         let one = |value: f64| {
             let mut all = [0.0; MAX_CHANNELS];
@@ -220,12 +251,17 @@ mod tests {
         let mut wanted = [0; MAX_CHANNELS];
         wanted[0] = 3;
         let wanted = BTreeMap::from([("dvl".to_owned(), wanted)]);
-        let none = Densities::default().total(&wanted, &one(2.0));
+        let none = Densities::default().total(&wanted, &one(2.0), false);
         assert!((none - 3.0 * (OUTLIERS / (TAU * 2.0)).ln()).abs() < 1e-9);
         let mut count = [0; MAX_CHANNELS];
         count[0] = 6;
         let count = BTreeMap::from([("dvl".to_owned(), count)]);
         let more = Densities { density: one(12.0), count, ..Densities::default() };
-        assert!((more.total(&wanted, &one(2.0)) - 6.0).abs() < 1e-12);
+        assert!((more.total(&wanted, &one(2.0), false) - 6.0).abs() < 1e-12);
+        let mut count = [0; MAX_CHANNELS];
+        count[0] = 2;
+        let count = BTreeMap::from([("dvl".to_owned(), count)]);
+        let fewer = Densities { density: one(4.0), count, ..Densities::default() };
+        assert!((fewer.total(&wanted, &one(2.0), true) - 6.0).abs() < 1e-12);
     }
 }

@@ -22,8 +22,21 @@ pub struct Patch {
     pub(crate) stretches: Channels<f64>,
     /// Sensor whose stated noise the change multiplies, and the factor.
     pub(crate) noise: Option<(String, f64)>,
+    /// Clock of a driving sensor that the change shifts.
+    pub(crate) clock: Option<Clock>,
     /// Reason for which no key of the scenario mends the cause in full.
     pub(crate) unmended: Option<&'static str>,
+}
+
+/// Clock of a driving sensor, which is found by trying.
+#[derive(Clone, Debug)]
+pub(crate) struct Clock {
+    /// The sensor.
+    pub sensor: String,
+    /// What is added to its time stamps, s.
+    pub shift: f64,
+    /// Distance of the next clocks that are tried, s.
+    pub step: f64,
 }
 
 /// State that a change makes uncertain.
@@ -70,6 +83,16 @@ impl Patch {
         Some(Self { text: text.replace('"', ""), settings: settings.collect(), ..self.clone() })
     }
 
+    /// True for a change that converts samples and estimates nothing.
+    pub(crate) fn converts(&self) -> bool {
+        self.parameters == 0 && self.settings.iter().any(|setting| setting.contains(".samples."))
+    }
+
+    /// True for a change of a clock: other samples than before lie within the run.
+    pub(crate) fn moves_clock(&self) -> bool {
+        self.settings.iter().any(|setting| setting.contains(".samples.clock="))
+    }
+
     /// Both changes.
     pub(crate) fn with(&self, other: &Self) -> Self {
         let mut both = self.clone();
@@ -79,6 +102,7 @@ impl Patch {
         both.parameters += other.parameters;
         both.state = None;
         both.noise = None;
+        both.clock = None;
         both.unmended = both.unmended.or(other.unmended);
         for (sensor, stretch) in &other.stretches {
             let sum = both.stretches.entry(sensor.clone()).or_insert([0.0; MAX_CHANNELS]);

@@ -1,13 +1,14 @@
 //! The search: every change on a part of the samples, the best ones on all of them, then pairs.
 
-use crate::causes::{refined, suggested};
+use crate::causes::{closer, refined, suggested};
 use crate::likelihood::Channels;
 use crate::parallel;
 use crate::patch::Patch;
 use crate::scene::Scene;
-use crate::trial::{Outcome, distance, run, words};
+use crate::trial::{Outcome, distance, run, run_once, words};
 use crate::{Diagnosis, Options, Trial};
 use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::plugin::BuildError;
 use navfuse_core::units::sample::MAX_CHANNELS;
 use navfuse_core::units::time::{Span, Time};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -19,6 +20,12 @@ const BEST: usize = 10;
 const SHORTEST: f64 = 60.0;
 /// Score from which the samples favour a change: odds of 150 : 1.
 pub(crate) const CLEAR: f64 = 10.0;
+/// Score from which the samples favour a change of a run that is consistent without it: 6 sigma.
+const PLAIN: f64 = 36.0;
+/// Gain of a conversion over its own chance, in sigma: of some hundred, 1 in 100 searches finds one by chance.
+const CHANCE: f64 = 4.0;
+/// Rounds in which the clock of a driving sensor is tried closer and closer: each divides the distance by 3.
+const ROUNDS: usize = 5;
 
 /// The runs of a part of the samples.
 pub(crate) struct Search<'a> {
@@ -37,6 +44,11 @@ fn parameters(patch: &Patch, outcome: &Outcome) -> usize {
     patch.parameters.max(outcome.estimate.as_ref().map_or(0, |row| row.estimate.len()))
 }
 
+/// Score from which the samples favour a change, by the level of the run without it.
+pub(crate) fn favoured(unchanged: VerdictLevel) -> f64 {
+    if unchanged == VerdictLevel::Consistent { PLAIN } else { CLEAR }
+}
+
 /// The number of values of each channel that some runs explain: of a constraint those of the first run,
 /// of a sensor the most.
 pub(crate) fn most<'a>(
@@ -53,8 +65,25 @@ pub(crate) fn most<'a>(
     wanted
 }
 
+/// The runs of the unchanged scenario: as it states, and with every sample linearised once.
+#[derive(Clone, Copy)]
+struct Bases<'b> {
+    stated: &'b Outcome,
+    once: &'b Outcome,
+}
+
+impl<'b> Bases<'b> {
+    /// The one that differs from a run by the change alone.
+    fn of(self, outcome: &Outcome) -> &'b Outcome {
+        if outcome.once { self.once } else { self.stated }
+    }
+}
+
 /// A change and its run.
 type Run = (Patch, Outcome);
+/// Runs a change until a time.
+type Runner =
+    fn(&Scene<'_>, &Patch, Time, &Channels<f64>, &AtomicBool) -> Result<Outcome, BuildError>;
 
 impl<'a> Search<'a> {
     pub fn new(
@@ -71,40 +100,47 @@ impl<'a> Search<'a> {
     pub fn search(mut self) -> Result<Diagnosis, crate::DiagnoseError> {
         let (first, last) = self.scene.recording.span();
         let unchanged = Patch::default();
-        let clock = Instant::now();
         self.scales = run(self.scene, &unchanged, last, &self.scales, self.stop)?.scales;
+        let clock = Instant::now();
+        let once = run_once(self.scene, &unchanged, last, &self.scales, self.stop)?;
         let one = clock.elapsed();
         let base = run(self.scene, &unchanged, last, &self.scales, self.stop)?;
         let causes = self.scene.causes();
         let count = causes.len();
         let part = self.part(one, count, base.found, (first, last));
-        let mut runs = self.all(causes, part);
-        let (tried, stopped) = (runs.len(), self.stop.load(Ordering::Relaxed));
+        let quick = self.all(causes, part, run_once);
+        let (tried, stopped) = (quick.len(), self.stop.load(Ordering::Relaxed));
         let unfit = if stopped { 0 } else { count - tried };
-        if part < last {
-            let start = run(self.scene, &unchanged, part, &self.scales, self.stop)?;
-            let best = self.ranked(&start, &runs, BEST);
-            runs = self.all(best, last);
-        }
-        let best = self.ranked(&base, &runs, BEST);
+        let start = match part < last {
+            true => Some(run_once(self.scene, &unchanged, part, &self.scales, self.stop)?),
+            false => None,
+        };
+        let start = start.as_ref().unwrap_or(&once);
+        let start = Bases { stated: start, once: start };
+        let mut best = self.ranked(start, &quick, BEST);
+        best.extend(self.clock(start, quick, part));
+        let bases = Bases { stated: &base, once: &once };
+        let mut runs = Vec::new();
+        self.extend(bases, &mut runs, best, last);
+        let best = self.ranked(bases, &runs, BEST);
         let noise = best.iter().find_map(|patch| {
             let outcome = &runs.iter().find(|(other, _)| other.text == patch.text)?.1;
             refined(self.scene, patch, outcome)
         });
-        runs.extend(self.all(noise.into_iter().collect(), last));
-        if !self.solved(&base, &runs) {
-            let centred = self.best(&base, &runs).and_then(|(patch, outcome)| {
+        self.extend(bases, &mut runs, noise.into_iter().collect(), last);
+        if !self.solved(bases, &runs) {
+            let centred = self.best(bases, &runs).and_then(|(patch, outcome)| {
                 let row = outcome.estimate.as_ref()?;
                 patch.centred(&row.estimate, row.unit)
             });
-            runs.extend(self.all(centred.into_iter().collect(), last));
+            self.extend(bases, &mut runs, centred.into_iter().collect(), last);
         }
-        if !self.solved(&base, &runs) {
-            let pairs = self.pairs(&base, &runs);
-            runs.extend(self.all(pairs, last));
+        if !self.solved(bases, &runs) {
+            let pairs = self.pairs(bases, &runs);
+            self.extend(bases, &mut runs, pairs, last);
         }
         let interrupted = self.stop.load(Ordering::Relaxed);
-        let trials = self.trials(&base, runs);
+        let trials = self.trials(bases, runs);
         Ok(Diagnosis {
             unchanged: self.trial(&base, Patch::default(), &base, 0.0, 0.0),
             trials,
@@ -112,6 +148,20 @@ impl<'a> Search<'a> {
             unfit,
             interrupted,
         })
+    }
+
+    /// The best clock of a driving sensor, if the samples favour it, tried closer and closer.
+    fn clock(&self, base: Bases<'_>, runs: Vec<Run>, until: Time) -> Option<Patch> {
+        let clocks = runs.into_iter().filter(|(patch, _)| patch.clock.is_some());
+        let mut runs: Vec<Run> = clocks.collect();
+        let (first, _) = self.best(base, &runs)?;
+        let first = first.text.clone();
+        for _ in 0..ROUNDS {
+            let finer = closer(&self.best(base, &runs)?.0);
+            runs.extend(self.all(finer, until, run_once));
+        }
+        let (best, _) = self.best(base, &runs)?;
+        (best.text != first).then(|| best.clone())
     }
 
     /// The end of the part of the samples on which every change is tried within the time. A fault that begins
@@ -136,11 +186,11 @@ impl<'a> Search<'a> {
 
     /// Runs changes on all threads, and keeps their order. A change that does not fit the scenario
     /// has no run.
-    fn all(&self, patches: Vec<Patch>, until: Time) -> Vec<Run> {
+    fn all(&self, patches: Vec<Patch>, until: Time, with: Runner) -> Vec<Run> {
         self.planned.fetch_add(patches.len(), Ordering::Relaxed);
         parallel::each(patches.len(), self.options.threads, self.stop, |at| {
             let patch = &patches[at];
-            let outcome = run(self.scene, patch, until, &self.scales, self.stop);
+            let outcome = with(self.scene, patch, until, &self.scales, self.stop);
             let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
             (self.progress)(done, self.planned.load(Ordering::Relaxed));
             let outcome = outcome.ok().filter(|outcome| !outcome.interrupted);
@@ -148,27 +198,51 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Adds the runs of changes, and runs those again as the scenario states that come near the best one: a run
+    /// that linearises again may take many times as long.
+    fn extend(&self, bases: Bases<'_>, runs: &mut Vec<Run>, patches: Vec<Patch>, until: Time) {
+        runs.extend(self.all(patches, until, run_once));
+        let scores = self.scores(bases, runs);
+        let most = scores.iter().map(|(_, score)| *score).fold(CLEAR, f64::max);
+        let near = runs.iter().zip(&scores).filter(|((_, outcome), (_, score))| {
+            outcome.once && *score >= CLEAR && most - score < CLEAR
+        });
+        let near = near.map(|((patch, _), _)| patch.clone()).collect();
+        for (patch, outcome) in self.all(near, until, run) {
+            if let Some(before) = runs.iter_mut().find(|(other, _)| other.text == patch.text) {
+                before.1 = outcome;
+            }
+        }
+    }
+
     /// The number of values of each channel that every run has to explain: of a constraint those of
     /// the unchanged scenario, of a sensor the most that a run explains.
+    /// A change of a clock brings in others, which no other run has to explain.
     fn wanted(&self, base: &Outcome, runs: &[Run]) -> Channels<u64> {
-        most(self.scene, [base].into_iter().chain(runs.iter().map(|(_, outcome)| outcome)))
+        let same = runs.iter().filter(|(patch, _)| !patch.moves_clock());
+        most(self.scene, [base].into_iter().chain(same.map(|(_, outcome)| outcome)))
     }
 
     /// Twice the log-likelihood that each change gains, and its score: less `ln n` a parameter
-    /// (Schwarz's criterion), and twice the logarithm of the number of choices.
-    fn scores(&self, base: &Outcome, runs: &[Run]) -> Vec<(f64, f64)> {
-        let wanted = self.wanted(base, runs);
-        let total = |outcome: &Outcome| outcome.densities.total(&wanted, &self.scales);
-        let (before, n) = (total(base), wanted.values().flatten().sum::<u64>().max(1) as f64);
+    /// (Schwarz's criterion), and twice the logarithm of the number of choices. A conversion whose gain is
+    /// within its own chance has none.
+    fn scores(&self, bases: Bases<'_>, runs: &[Run]) -> Vec<(f64, f64)> {
+        let wanted = self.wanted(bases.stated, runs);
+        let total =
+            |outcome: &Outcome, moved| outcome.densities.total(&wanted, &self.scales, moved);
+        let n = wanted.values().flatten().sum::<u64>().max(1) as f64;
         let score = |(patch, outcome): &Run| {
-            let gain = 2.0 * (total(outcome) - before);
-            (gain, gain - parameters(patch, outcome) as f64 * n.ln() - 2.0 * patch.choices)
+            let base = bases.of(outcome);
+            let gain = 2.0 * (total(outcome, patch.moves_clock()) - total(base, false));
+            let score = gain - parameters(patch, outcome) as f64 * n.ln() - 2.0 * patch.choices;
+            let chance = || outcome.densities.significance(&base.densities) < CHANCE;
+            (gain, if patch.converts() && chance() { score.min(0.0) } else { score })
         };
         runs.iter().map(score).collect()
     }
 
     /// The changes with the highest scores, each with the parameters that its run estimated.
-    fn ranked(&self, base: &Outcome, runs: &[Run], most: usize) -> Vec<Patch> {
+    fn ranked(&self, base: Bases<'_>, runs: &[Run], most: usize) -> Vec<Patch> {
         let scores = self.scores(base, runs);
         let mut order: Vec<usize> = (0..runs.len()).collect();
         order.sort_by(|a, b| scores[*b].1.total_cmp(&scores[*a].1));
@@ -180,14 +254,14 @@ impl<'a> Search<'a> {
     }
 
     /// The run with the highest score, if the samples favour it.
-    fn best<'r>(&self, base: &Outcome, runs: &'r [Run]) -> Option<&'r Run> {
+    fn best<'r>(&self, base: Bases<'_>, runs: &'r [Run]) -> Option<&'r Run> {
         let scores = self.scores(base, runs);
         let best = (0..runs.len()).max_by(|a, b| scores[*a].1.total_cmp(&scores[*b].1));
-        best.filter(|k| scores[*k].1 >= CLEAR).map(|k| &runs[k])
+        best.filter(|k| scores[*k].1 >= favoured(base.stated.severity.into())).map(|k| &runs[k])
     }
 
     /// True if the best change makes the run consistent, or no change explains anything.
-    fn solved(&self, base: &Outcome, runs: &[Run]) -> bool {
+    fn solved(&self, base: Bases<'_>, runs: &[Run]) -> bool {
         let best = self.best(base, runs);
         best.is_none_or(|(_, outcome)| {
             VerdictLevel::from(outcome.severity) == VerdictLevel::Consistent
@@ -196,7 +270,7 @@ impl<'a> Search<'a> {
 
     /// The best change with each of the next ones that leaves its keys alone, and with the noise of
     /// each sensor that its innovations suggest.
-    fn pairs(&self, base: &Outcome, runs: &[Run]) -> Vec<Patch> {
+    fn pairs(&self, base: Bases<'_>, runs: &[Run]) -> Vec<Patch> {
         let best = self.ranked(base, runs, BEST);
         let Some((first, others)) = best.split_first() else { return Vec::new() };
         let noise = self.best(base, runs).map(|(_, outcome)| suggested(self.scene, outcome));
@@ -210,11 +284,13 @@ impl<'a> Search<'a> {
     }
 
     /// The trials, the best first.
-    fn trials(&self, base: &Outcome, runs: Vec<Run>) -> Vec<Trial> {
+    fn trials(&self, base: Bases<'_>, runs: Vec<Run>) -> Vec<Trial> {
         let scores = self.scores(base, &runs);
         let trials = runs.into_iter().zip(scores);
         let mut trials: Vec<Trial> = trials
-            .map(|((patch, outcome), (gain, score))| self.trial(&outcome, patch, base, gain, score))
+            .map(|((patch, outcome), (gain, score))| {
+                self.trial(&outcome, patch, base.stated, gain, score)
+            })
             .collect();
         trials.sort_by(|a, b| b.score.total_cmp(&a.score));
         trials

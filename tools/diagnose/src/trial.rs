@@ -31,8 +31,30 @@ pub(crate) struct Outcome {
     pub estimate: Option<StateRow>,
     /// Time of the first finding that is more than a note.
     pub found: Option<Time>,
+    /// Set if no sample was linearised again, though the scenario allows it.
+    pub once: bool,
     /// Set if the run was interrupted.
     pub interrupted: bool,
+}
+
+/// Setting with which no sample is linearised again.
+const ONCE: &str = "estimator.relinearise=\"0 s\"";
+
+/// Runs the samples until a time with a change, and with every sample linearised once unless the scenario
+/// demands more: a filter that a wrong change leads astray linearises again and again, in up to
+/// 80 times the time.
+pub(crate) fn run_once(
+    scene: &Scene<'_>,
+    patch: &Patch,
+    until: Time,
+    scales: &Channels<f64>,
+    stop: &AtomicBool,
+) -> Result<Outcome, BuildError> {
+    let estimator = scene.document.root().get("estimator");
+    let decided = estimator.is_some_and(|table| table.get("relinearise").is_some());
+    let mut patch = patch.clone();
+    patch.settings.extend((!decided).then(|| ONCE.to_owned()));
+    Ok(Outcome { once: !decided, ..run(scene, &patch, until, scales, stop)? })
 }
 
 /// Runs the samples until a time with a change.
@@ -64,6 +86,7 @@ pub(crate) fn run(
             .as_ref()
             .and_then(|state| finished.summary.rows.into_iter().find(|row| row.name == state.name)),
         found,
+        once: false,
         interrupted: finished.interrupted,
     })
 }
