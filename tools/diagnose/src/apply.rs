@@ -51,8 +51,9 @@ impl<'a> At<'a> {
         match self {
             At::Table(table) => match (table.get_mut(key), value) {
                 (Some(Item::Table(of)), Value::InlineTable(values)) => merge(of, values),
-                (before, value) => {
-                    let value = placed_as(before.and_then(|item| item.as_value()), value);
+                // inserting over a key would drop the comment above it
+                (Some(item), value) => *item = Item::Value(placed_as(item.as_value(), value)),
+                (None, value) => {
                     table.insert(key, Item::Value(value));
                 }
             },
