@@ -13,7 +13,7 @@ use crate::model::chi_square::{Band, band, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
 use crate::model::record::{InPart, Outcome, Rejection, UpdateRecord};
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, channels};
 use crate::units::time::Time;
 
 /// Length of a minute, s.
@@ -43,7 +43,7 @@ struct Minute {
 
 saved!(Minute { begin, probability, sums });
 
-/// Successive gated samples.
+/// Successive gated samples of a channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Streak {
     begin: Time,
@@ -80,8 +80,8 @@ pub(crate) struct SensorStatistics {
     worst: Option<Minute>,
     gated: u64,
     in_part: InPart,
-    /// Start, end and length of the current and of the longest streak of gated samples.
-    streak: Streak,
+    /// The current streak of gated samples of each channel, and the longest one.
+    streaks: [Streak; MAX_CHANNELS],
     longest: Streak,
     expected_gated: f64,
     faulty: u64,
@@ -90,7 +90,7 @@ pub(crate) struct SensorStatistics {
 }
 
 saved!(SensorStatistics {
-    whole, memory, begin, minute, minutes, worst, gated, in_part, streak, longest, expected_gated,
+    whole, memory, begin, minute, minutes, worst, gated, in_part, streaks, longest, expected_gated,
     faulty,
 } each {
     channels,
@@ -112,7 +112,7 @@ impl SensorStatistics {
             worst: None,
             gated: 0,
             in_part: InPart::default(),
-            streak: Streak::default(),
+            streaks: [Streak::default(); MAX_CHANNELS],
             longest: Streak::default(),
             expected_gated: 0.0,
             faulty: 0,
@@ -151,16 +151,19 @@ impl SensorStatistics {
             | Outcome::Placed => {}
             Outcome::Gated => {
                 self.gated += 1;
-                self.streak.add(update.time);
-                if self.streak.count > self.longest.count {
-                    self.longest = self.streak;
+                for channel in channels(update.present) {
+                    let streak = &mut self.streaks[channel];
+                    streak.add(update.time);
+                    if streak.count > self.longest.count {
+                        self.longest = *streak;
+                    }
                 }
                 self.expected_gated += chance(&mut self.chances[m]).gated;
             }
             Outcome::Accepted => {
                 let chance = chance(&mut self.chances[m]);
                 self.expected_gated += chance.gated;
-                self.streak = Streak::default();
+                channels(update.present).for_each(|k| self.streaks[k] = Streak::default());
                 self.accepted(update, &chance);
             }
         }
@@ -377,6 +380,7 @@ impl SensorStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::sample::SensorId;
 
     /// The probability 0.004 of the worst of `minutes` minutes, of which one in twenty may be
     /// wrong.
@@ -396,5 +400,34 @@ mod tests {
         assert!(!found(12, 0.004, false), "the run is outside its band");
         assert!(!found(13, 0.004, true), "0.052");
         assert!(!found(10, 0.005, true), "0.05");
+    }
+
+    /// Four samples in a row are chance, and five are not, whatever other channels of the same samples do.
+    #[test]
+    fn gated_samples_in_a_row_are_those_of_a_channel() {
+        let doubted = |gated: i64| {
+            let mut sensor = SensorStatistics::new("gnss".to_owned(), Vec::new(), false);
+            let mut take = |second: i64, present, outcome| {
+                sensor.update(&UpdateRecord {
+                    time: Time::from_nanos(second * 1_000_000_000),
+                    sensor: SensorId(0),
+                    outcome,
+                    nis: 1.0,
+                    threshold: 10.8,
+                    present,
+                    innovation: &[1.0],
+                    covariance: &[1.0],
+                });
+            };
+            for second in 0..600 {
+                let height = if second < gated { Outcome::Gated } else { Outcome::Accepted };
+                take(second, 0b01, height);
+                take(second, 0b10, Outcome::Accepted);
+            }
+            let mut report = Report::default();
+            sensor.judge_shares(1e-4, &mut report);
+            report.reasons.iter().any(|reason| reason.criterion == Criterion::Gated)
+        };
+        assert!(!doubted(4) && doubted(5));
     }
 }

@@ -59,6 +59,26 @@ fn a_jump_of_the_dvl_is_no_step_of_an_accelerometer() {
     assert_eq!(named.as_deref(), Some("dvl"));
 }
 
+/// 0.4 mm/s in each second are 40 ug, which the prior of an accelerometer bias allows, until the vehicle turns: the error turns
+/// with the instrument, and that of the filter does not.
+#[test]
+fn a_dvl_that_drifts_is_no_step_of_an_accelerometer() {
+    for channel in ["vel_x", "vel_y", "vel_z"] {
+        let drift = format!(
+            "sensor.dvl.simulation.faults=[{{ type = \"drift\", from = \"343 s\", size = \"0.4 mm/s^2\", \
+             channels = [\"{channel}\"] }}]"
+        );
+        assert_eq!(dive(&drift), all("dvl"), "{channel}");
+    }
+}
+
+/// No DVL sends a sample 0.2 s before it has measured it: the other clock is late.
+#[test]
+fn an_imu_whose_samples_are_late_is_named_where_those_of_the_dvl_seem_to_be_early() {
+    let late = "sensor.imu.simulation.faults=[{ type = \"clock-offset\", size = \"0.2 s\" }]";
+    assert_eq!(dive(late), all("imu"));
+}
+
 /// 0.3 s at 12 m/s are 3.6 m, 180 times the noise of the position.
 #[test]
 fn a_clock_that_steps_is_no_step_of_a_gyro_bias() {

@@ -71,12 +71,6 @@ fn owns(layout: &Layout, sensor: &str, words: &[&str]) -> bool {
     layout.blocks.iter().filter(own).any(|block| block.estimated() && named(block))
 }
 
-/// The sensors whose scale is a state: a factor is a step of it, or a prior that does not contain it.
-pub(super) fn scaled(composition: &Composition) -> Vec<bool> {
-    let owns = |sensor: &Sensor| owns(&composition.layout, &sensor.info.name, &["scale"]);
-    composition.sensors.iter().map(owns).collect()
-}
-
 /// Mean of a channel in its sigma below which its noise may make it up.
 const ABOVE: f64 = 5.0;
 

@@ -6,6 +6,9 @@
 //! martingale for a consistent filter. While the vehicle changes its acceleration, that slope is late, and
 //! `tau = b / c` with the slope up to the sample in `c` is not (an instrumental variable, Wright 1928).
 //!
+//! No sensor sends a sample before it has measured it. Where those of one seem to be early from the start, the samples of
+//! the driving sensor are late, and it is named.
+//!
 //! An offset may begin at any time: one sum runs from the start, two begin again in turn, and one begins
 //! again while all sensors agree.
 //! Samples that the gate refuses count as those that it passes, since they show the offset. Where it is
@@ -23,14 +26,15 @@
 
 use super::contain::Containment;
 use super::effect::{CALM, Effect, Found, OFFSETS, RECENT, SUMS, Whitened};
+use super::lag::Lag;
 use super::lanes::Seen;
 use super::refused::Refused;
-use super::score::{SPAN, Score};
+use super::score::{SPAN, Score, leading};
 use crate::checkpoint::saved;
-use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::record::finding::Severity;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::state::State;
 use crate::state::covariance::{Covariance, Update, forward};
-use crate::state::{Layout, State};
 use crate::units::sample::{MAX_CHANNELS, channels};
 use crate::units::time::Time;
 
@@ -93,56 +97,9 @@ saved!(Offset {
     withdrawn,
 });
 
-/// A significant offset, beside the one that is taken off already.
-pub(super) struct Lag {
-    found: Found,
-    known: f64,
-}
-
-/// Finding about the sensor.
-pub(super) fn finding(lag: &Lag, time: Time, sensor: &str, layout: &Layout) -> Finding {
-    let Lag { found, known } = lag;
-    let (score, tau) = (&found.score, known + found.score.size());
-    Finding {
-        time,
-        about: sensor.to_owned(),
-        severity: found.severity,
-        basis: Basis::Explanation,
-        text: format!(
-            "after {} its samples fit a time offset of {tau:+.3} s +- {:.3} s ({:.1} sigma), which is \
-             not modelled: it has moved {}",
-            score.since,
-            score.variance().sqrt(),
-            score.sigmas().abs(),
-            found.moved(layout),
-        ),
-        remedy: format!(
-            "check the clock of {sensor} and the time stamps; if the offset is constant, \
-             estimate it: time_offset = {{ sigma = \"{:.1} s\" }}",
-            (2.0 * tau.abs()).max(0.1)
-        ),
-    }
-}
-
 /// The slopes of the channels that are present, by row of an update.
 fn rows(slope: &[f64; MAX_CHANNELS], present: u16) -> impl Iterator<Item = (usize, f64)> {
     channels(present).map(|channel| slope[channel]).enumerate()
-}
-
-/// Finding about a sensor whose samples contradict the offset that was taken off.
-pub(super) fn withdrawn(time: Time, sensor: &str) -> Finding {
-    Finding {
-        time,
-        about: sensor.to_owned(),
-        severity: Severity::DoNotUse,
-        // it names no error, and one of the driving sensor looks like an offset for a while
-        basis: Basis::Comparison,
-        text:
-            "its samples contradict the time offset that they fitted before: it was another error, \
-               and the filter goes on as if it had not known an offset"
-                .to_owned(),
-        remedy: "check the sensor; `navfuse diagnose` tries each plausible error".to_owned(),
-    }
 }
 
 /// Returns `true` if the size of an offset is within the range of the test.
@@ -185,18 +142,23 @@ impl Offset {
         &mut self.effect
     }
 
-    /// Score in sigma of the most significant offset within the range of the test.
-    pub(super) fn score(&self) -> f64 {
-        let sums = (0..SUMS).filter(|sum| self.counts(*sum));
-        sums.fold(0.0, |most, sum| most.max(self.effect.all(sum).sigmas().abs()))
+    /// Score in sigma of the most significant offset within the range of the test, of samples that are early or of
+    /// those that are late.
+    pub(super) fn score(&self, early: bool) -> f64 {
+        let of = |sum: usize| Some(self.effect.all(sum)).filter(|_| self.counts(sum));
+        self.largest(early, (0..SUMS).filter_map(of))
+    }
+
+    fn largest(&self, early: bool, scores: impl Iterator<Item = Score>) -> f64 {
+        let of_sign = scores.filter(|score| self.is_early(score) == early);
+        of_sign.fold(0.0, |most, score| most.max(score.sigmas().abs()))
     }
 
     /// Score in sigma of the most significant offset, whether it explains what the gate refused or not: no other
     /// error may be named in its place for that.
-    pub(super) fn rival(&self) -> f64 {
+    pub(super) fn rival(&self, early: bool) -> f64 {
         let all = (0..SUMS).map(|sum| self.effect.all(sum));
-        let within = all.filter(|score| linear(score) && !self.withdrawn);
-        within.fold(0.0, |most, score| most.max(score.sigmas().abs()))
+        self.largest(early, all.filter(|score| linear(score) && !self.withdrawn))
     }
 
     /// Begins one sum again.
@@ -348,7 +310,7 @@ impl Offset {
         state: &State,
         (covariance, considered): (&mut Covariance, &[bool]),
         containment: &mut Containment,
-        rival: impl Fn() -> f64,
+        rival: impl Fn(bool) -> f64,
     ) -> Option<Lag> {
         self.keep(state);
         let due = state.time.since(self.span) >= SPAN;
@@ -373,7 +335,7 @@ impl Offset {
         &mut self,
         (covariance, considered): (&Covariance, &[bool]),
         containment: &Containment,
-        rival: impl Fn() -> f64,
+        rival: impl Fn(bool) -> f64,
     ) -> Option<Lag> {
         let counts = |sum: usize| self.counts(sum);
         let worst = self.effect.worst(
@@ -400,21 +362,34 @@ impl Offset {
     }
 
     /// Returns an offset that is more severe than those before, and takes the first one off. `rival` is the
-    /// score that it has to exceed.
+    /// score that it has to exceed, of samples that are early or late.
     fn judge(
         &mut self,
         worst: Option<Found>,
         containment: &Containment,
-        rival: impl Fn() -> f64,
+        rival: impl Fn(bool) -> f64,
     ) -> Option<Lag> {
-        let worst = worst.filter(|worst| worst.score.sigmas().abs() > rival());
+        let early = worst.is_some_and(|found| self.is_early(&found.score));
+        let worst = worst.filter(|found| found.score.sigmas().abs() > rival(early));
         let before = self.severity;
         self.severity = before.max(worst.map(|worst| worst.severity));
         if !containment.is_off() {
             self.adopts = self.adopts.or(worst.map(|worst| worst.sum));
         }
         let found = worst.filter(|worst| before < Some(worst.severity))?;
-        Some(Lag { found, known: self.known })
+        Some(Lag { found, known: self.known, early })
+    }
+
+    /// Returns `true` for early samples, unless an offset that began later explains them clearly better: the clock of the
+    /// sensor was set then.
+    fn is_early(&self, score: &Score) -> bool {
+        if self.compensates() {
+            return self.known < 0.0;
+        }
+        let start = self.effect.all(0);
+        score.size() < 0.0
+            && start.size() < 0.0
+            && score.sigmas().abs() < leading(start.sigmas().abs())
     }
 
     /// Ends a span, and returns the most severe offset.

@@ -13,7 +13,7 @@
 use super::calibration::Calibration;
 use super::calibrations::{Calibrations, Correction, moved};
 use super::constants::{Component, Inputs, Kind, inputs};
-use super::constants::{measures, rotations, scaled, turns, usual};
+use super::constants::{measures, rotations, turns, usual};
 use super::contain::Containment;
 use super::earlier::Earlier;
 use super::effect::{Effect, Found, WIDE, Whitened};
@@ -50,8 +50,6 @@ pub(super) struct Parameters {
     /// Sensors whose blocks are tested, and those whose blocks are in `components`.
     tested: Vec<bool>,
     known: Vec<bool>,
-    /// Sensors whose scale is a state.
-    scaled: Vec<bool>,
     /// What the gate refused of each sensor.
     refused: Vec<Gated>,
     /// Rows of the error state that are rotations, and blocks that are.
@@ -73,7 +71,7 @@ saved!(Parameters {
 } each {
     known, refused,
 } except {
-    tested, rotations, turning, inputs, driven, scaled, earlier,
+    tested, rotations, turning, inputs, driven, earlier,
 });
 
 impl Parameters {
@@ -92,7 +90,6 @@ impl Parameters {
             turning: layout.blocks.iter().map(turns).collect(),
             inputs: inputs(composition),
             driven: Vec::new(),
-            scaled: scaled(composition),
             span: Time::MIN,
             severity: None,
             found: Vec::new(),
@@ -233,9 +230,7 @@ impl Parameters {
             (0..n).for_each(|component| self.add(fixed(component), at));
             self.calibrations.add(first..first + n);
         }
-        let scaled = self.scaled[sensor];
-        let lengths = info.channels.iter().enumerate();
-        let lengths = lengths.filter(|(_, c)| measures(c) && !scaled);
+        let lengths = info.channels.iter().enumerate().filter(|(_, c)| measures(c));
         for (channel, _) in lengths {
             let (kind, component) = (Kind::Factor, 0);
             self.add(Component { kind, of: channel, component, sensor }, at);

@@ -32,7 +32,7 @@ pub(super) struct Shift {
     /// Set if its sums begin at one minute, two, four and so on: a filter that has learnt a constant for
     /// longer takes longer to follow a step, and the evidence on it grows as slowly.
     pub(super) patient: bool,
-    /// Set for an offset of a sensor that measures velocities alone, which the filter follows in seconds.
+    /// Set for an offset or a drift of a sensor that measures velocities alone, which the filter follows in seconds.
     pub(super) followed: bool,
     /// Size from which on the error is another one.
     pub(super) most: f64,
@@ -42,6 +42,10 @@ pub(super) struct Shift {
 /// its axes turned, or its unit is wrong. A gyro may be off by more: one of MEMS that is not calibrated is by 1 deg/s or 2.
 const STEP: f64 = 300.0;
 const GYRO: f64 = 2.0 * 1_f64.to_radians();
+
+/// Largest drift of a velocity log, m/s^2: in a minute it is off by the speed of a slow vehicle. A larger one is an error
+/// of the driving sensor, which accelerates by more than 1 mg.
+const DRIFT: f64 = 0.01;
 
 /// Index of the sensor that a block belongs to, by its name.
 fn owner(sensors: &[Sensor], block: &str) -> Option<usize> {
@@ -91,10 +95,12 @@ pub(super) fn places(composition: &Composition, tested: &[bool]) -> Vec<Shift> {
         let followed = named.iter().all(|channel| channel.unit.suffix() == "mps");
         let offsets = (0..model.channels()).map(|channel| shift(index, Place::Channel(channel)));
         all.extend(offsets.map(|offset| Shift { followed, ..offset }));
-        let drifts = |unit: &str| ["m", "rad"].contains(&unit);
-        let positions = named.iter().enumerate();
-        let positions = positions.filter(|(_, channel)| drifts(&channel.unit.suffix()));
-        all.extend(positions.map(|(channel, _)| shift(index, Place::Drift(channel))));
+        let drifts = |unit: &str| followed || ["m", "rad"].contains(&unit);
+        let drifting = named.iter().enumerate();
+        let drifting = drifting.filter(|(_, channel)| drifts(&channel.unit.suffix()));
+        let most = if followed { DRIFT } else { f64::INFINITY };
+        let drift = |channel| Shift { followed, most, ..shift(index, Place::Drift(channel)) };
+        all.extend(drifting.map(|(channel, _)| drift(channel)));
     }
     all
 }

@@ -1,4 +1,4 @@
-//! Comparison of errors that begin at an unknown time: steps of constant states, and offsets of channels.
+//! Comparison of errors that begin at an unknown time: steps of constant states, and offsets and drifts of channels.
 //!
 //! A step of a constant state puts a one into its row, and nothing into the innovations directly. An
 //! offset of a channel is in the innovations of its sensor.
@@ -8,7 +8,7 @@
 //! sample while the cumulative sums of all channels are zero (Page 1954), so that it begins at a larger step,
 //! and just before the gate begins to refuse samples; it takes the place of another one if it has found more.
 //!
-//! The filter follows an offset of a velocity log within seconds: a sum that begins a second before it does not fit.
+//! The filter follows an offset or a drift of a velocity log within seconds: a sum that begins a second before it does not fit.
 //! Each of its channels therefore has sums of its own, and the newest one begins while the cumulative sum of that
 //! channel is zero. The other errors share the begins of their sums.
 //!
@@ -288,9 +288,12 @@ impl Shifts {
         for group in 0..self.groups.len() {
             let axes = self.groups[group].clone();
             let begins = match self.axes[axes.start] {
-                Shift { followed: true, sensor, place: Place::Channel(channel), .. } => {
-                    self.charts.still((sensor, channel))
-                }
+                Shift {
+                    followed: true,
+                    sensor,
+                    place: Place::Channel(channel) | Place::Drift(channel),
+                    ..
+                } => self.charts.still((sensor, channel)),
                 _ => quiet,
             };
             if begins {

@@ -2,11 +2,12 @@
 
 use super::calibrations::Correction;
 use super::contain::Containment;
-use super::effect::{RECENT, SUMS, Whitened};
+use super::effect::Whitened;
+use super::lag;
 use super::lanes::{Changes, Jacobian};
-use super::offset::{self, Offset};
+use super::offset::Offset;
 use super::parameter::Parameters;
-use super::score::leading;
+use super::rivals::{Known, Refuses, of_a_constant, of_a_shift, of_an_offset};
 use super::shifts::Shifts;
 use super::spread::Spread;
 use super::tested::tested;
@@ -58,6 +59,8 @@ pub(in crate::filter) struct Signatures {
     culprit: Option<usize>,
     /// Set since a recovery: it is not known which side was wrong up to then.
     recovered: bool,
+    /// Index of the driving sensor.
+    driver: Option<usize>,
 }
 
 saved!(Signatures {
@@ -65,78 +68,8 @@ saved!(Signatures {
 } each {
     offsets, shifts, spread,
 } except {
-    places, phi, elements, changes, gain, jacobian,
+    places, phi, elements, changes, gain, jacobian, driver,
 });
-
-fn of(offset: &Option<Offset>) -> f64 {
-    offset.as_ref().map_or(0.0, Offset::score)
-}
-
-/// Score of the most significant of some offsets.
-fn best(offsets: &[Option<Offset>]) -> f64 {
-    offsets.iter().map(of).fold(0.0, f64::max)
-}
-
-/// Sensors of which the gate refuses samples.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Refuses {
-    None,
-    One,
-    Several,
-}
-
-/// The offset of a sensor, and the score that it has to exceed: another error of the sensor has to be
-/// less likely, and one of another sensor clearly so. No other sensor than the culprit is named. Where
-/// the gate refuses samples, they are too few to tell an offset of the clock from one of a channel, and
-/// the filter can go on with the former; a drift grows, where such an offset stays. Where it refuses those of
-/// one sensor alone, they are no evidence on another sensor.
-fn rivals<'a>(
-    (index, refuses): (usize, Refuses),
-    offsets: &'a mut [Option<Offset>],
-    shifts: Option<&'a Shifts>,
-    (parameters, culprit): (&'a Parameters, Option<usize>),
-) -> (Option<&'a mut Offset>, impl Fn() -> f64 + 'a) {
-    let (before, rest) = offsets.split_at_mut(index);
-    let (offset, after) = match rest.split_first_mut() {
-        Some((offset, after)) => (offset.as_mut(), after),
-        None => (None, Default::default()),
-    };
-    let (before, after) = (&*before, &*after);
-    let rival = move || {
-        if culprit.is_some_and(|culprit| culprit != index) {
-            return f64::INFINITY;
-        }
-        let sums = if refuses == Refuses::None { SUMS } else { RECENT };
-        let of = (sums, refuses != Refuses::One);
-        let shifted = |own: bool| shifts.map_or(0.0, |s| s.score(of, |k| (k == index) == own));
-        let others = shifted(false).max(best(before)).max(best(after));
-        let others = others.max(parameters.score(true, |sensor| sensor != index));
-        let drift = || shifts.map_or(0.0, |shifts| shifts.drift(index));
-        let own = if refuses == Refuses::None { shifted(true) } else { drift() };
-        own.max(parameters.score(true, |sensor| sensor == index)).max(leading(others))
-    };
-    (offset, rival)
-}
-
-/// Score that a shift of a sensor has to exceed.
-fn rival_of_shift(
-    (index, refuses): (usize, bool),
-    offsets: &[Option<Offset>],
-    (parameters, culprit): (&Parameters, Option<usize>),
-) -> f64 {
-    if culprit.is_some_and(|culprit| culprit != index) {
-        return f64::INFINITY;
-    }
-    let others = offsets.iter().enumerate().filter(|(k, _)| *k != index);
-    let rival = |offset: &Option<Offset>| {
-        let any = offset.as_ref().filter(|_| !refuses);
-        any.map_or_else(|| of(offset), Offset::rival)
-    };
-    let others = others.map(|(_, offset)| rival(offset)).fold(0.0, f64::max);
-    let others = others.max(parameters.score(true, |sensor| sensor != index));
-    let own = offsets.get(index).map_or(0.0, of);
-    own.max(parameters.score(true, |sensor| sensor == index)).max(leading(others))
-}
 
 impl Signatures {
     /// Tests of a composition for offsets that are not estimated and biases that are constant;
@@ -189,6 +122,7 @@ impl Signatures {
             spread: vec![Spread::default(); composition.sensors.len()],
             culprit: None,
             recovered: false,
+            driver: composition.processes.iter().find_map(|process| process.input),
         })
     }
 
@@ -339,19 +273,21 @@ impl Signatures {
         (covariance, considered): (&mut Covariance, &[bool]),
         sensor: &dyn Fn(usize) -> &'a SensorInfo,
     ) -> Explained {
-        let Self { offsets, shifts, parameters, containment, culprit, recovered, .. } = self;
-        let known = *culprit;
+        let Self { offsets, shifts, parameters, containment, culprit, recovered, driver, .. } =
+            self;
+        let known = Known { parameters, culprit: *culprit, driver: *driver };
         containment.begin(state.time);
         let name = &sensor(index).name;
         let lag = {
             let of = (index, if shared { Refuses::Several } else { Refuses::One });
-            let (offset, rival) = rivals(of, offsets, shifts.as_ref(), (parameters, known));
+            let (offset, rival) = of_an_offset(of, offsets, shifts.as_ref(), known);
             offset.and_then(|offset| {
                 let found = offset.refused((&*covariance, considered), containment, rival);
                 if !offset.adopts() && insists && offset.withdraw() {
-                    return Some(Some(offset::withdrawn(state.time, name)));
+                    return Some(Some(lag::withdrawn(state.time, name)));
                 }
-                let finding = |lag| offset::finding(&lag, state.time, name, layout);
+                // these samples are too few to show which clock is wrong
+                let finding = |lag| lag::finding(&lag, state.time, (name, None), layout);
                 let finding = found.map(|lag| containment.noted(finding(lag), TAKEN_OFF));
                 offset.adopts().then_some(finding)
             })
@@ -359,7 +295,7 @@ impl Signatures {
         if let Some(finding) = lag {
             return Explained::Offset(finding);
         }
-        let rival = |sensor| rival_of_shift((sensor, true), offsets, (parameters, known));
+        let rival = |sensor| of_a_shift((sensor, true), offsets, known);
         let states = (covariance, considered);
         let decides = shared || !(*recovered || containment.is_off());
         let step = shifts.as_mut().filter(|_| decides).and_then(|shifts| {
@@ -390,12 +326,13 @@ impl Signatures {
         mut report: impl FnMut(Finding),
     ) -> bool {
         let time = state.time;
-        let Self { offsets, shifts, parameters, containment, culprit, .. } = self;
-        let known = *culprit;
+        let Self { offsets, shifts, parameters, containment, culprit, driver, .. } = self;
+        let known = |parameters, culprit| Known { parameters, culprit, driver: *driver };
+        let before = *culprit;
         containment.begin(time);
         if let Some(shifts) = shifts {
             let states = (&mut *covariance, considered);
-            let rival = |sensor| rival_of_shift((sensor, false), offsets, (parameters, known));
+            let rival = |sensor| of_a_shift((sensor, false), offsets, known(parameters, before));
             if let Some(step) = shifts.corrected(time, states, containment, rival) {
                 let mut finding =
                     shifts.finding(&step, sensor(shifts.sensor(&step)), (layout, state));
@@ -409,26 +346,18 @@ impl Signatures {
             }
         }
         let of_index = (index, Refuses::None);
-        let (offset, rival) = rivals(of_index, offsets, shifts.as_ref(), (parameters, known));
+        let known_now = known(parameters, before);
+        let (offset, rival) = of_an_offset(of_index, offsets, shifts.as_ref(), known_now);
         let states = (&mut *covariance, considered);
         let found = offset.and_then(|offset| offset.corrected(state, states, containment, rival));
         if let Some(found) = found {
-            let finding = offset::finding(&found, time, &sensor(index).name, layout);
-            blame(culprit, index, &finding);
+            let names = (&*sensor(index).name, driver.map(|driver| &*sensor(driver).name));
+            let finding = lag::finding(&found, time, names, layout);
+            let late = driver.filter(|_| found.early).unwrap_or(index);
+            blame(culprit, late, &finding);
             report(containment.noted(finding, TAKEN_OFF));
         }
-        let shifted = |counts: &dyn Fn(usize) -> bool| {
-            shifts.as_ref().map_or(0.0, |shifts| shifts.score((SUMS, true), counts))
-        };
-        let rival = |sensor: usize| {
-            if known.is_some_and(|culprit| culprit != sensor) {
-                return f64::INFINITY;
-            }
-            let (before, rest) = offsets.split_at(sensor);
-            let after = rest.get(1..).unwrap_or_default();
-            let others = shifted(&|other| other != sensor).max(best(before)).max(best(after));
-            of(&offsets[sensor]).max(shifted(&|other| other == sensor)).max(leading(others))
-        };
+        let rival = |sensor| of_a_constant(sensor, offsets, shifts.as_ref(), (before, *driver));
         let states = (covariance, considered);
         if let Some(wrong) = parameters.corrected(time, states, containment, rival) {
             let finding = parameters.finding(&wrong, state, sensor(wrong.sensor()), layout);

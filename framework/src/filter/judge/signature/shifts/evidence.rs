@@ -16,8 +16,8 @@ const SIGNIFICANT: f64 = 6.6;
 const STEP: f64 = 4.75;
 
 impl Shifts {
-    /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would have
-    /// turned the estimate so far that the test is not linear.
+    /// Square of the score of a sum: twice its log-likelihood ratio. Nothing speaks for an error that would be another
+    /// one by its size, or have turned the estimate so far that the test is not linear.
     pub(super) fn evidence(&self, axis: usize, sum: usize) -> f64 {
         self.evidence_of(axis, sum, true)
     }
@@ -26,7 +26,8 @@ impl Shifts {
     pub(super) fn evidence_of(&self, axis: usize, sum: usize, all: bool) -> f64 {
         let score = if all { self.score_of(axis, sum) } else { self.used(axis, sum) };
         let sigmas = score.sigmas();
-        let counts = sigmas.is_finite() && self.linear(axis, sum);
+        let possible = score.size().abs() < self.axes[axis].most;
+        let counts = sigmas.is_finite() && possible && self.linear(axis, sum);
         if counts { sigmas * sigmas } else { 0.0 }
     }
 

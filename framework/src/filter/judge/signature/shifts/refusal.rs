@@ -95,7 +95,9 @@ impl Shifts {
     /// drift of a velocity, so that a velocity log alone does not decide.
     pub(super) fn outgrows(&self, axis: usize, sensor: usize) -> bool {
         let [samples, weights] = self.weights;
-        let drifts = |axis: &Shift| axis.sensor == sensor && matches!(axis.place, Place::Drift(_));
+        let drifts = |axis: &Shift| {
+            axis.sensor == sensor && !axis.followed && matches!(axis.place, Place::Drift(_))
+        };
         if FAR * weights >= samples || !self.axes.iter().any(drifts) {
             return false;
         }
