@@ -4,6 +4,7 @@ use super::ekf::Ekf;
 use super::judge::reject::rejected;
 use super::screen::screened::Driver;
 use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::units::sample::SensorId;
 use crate::units::time::Time;
 
 impl Ekf {
@@ -53,7 +54,8 @@ impl Ekf {
         }
     }
 
-    /// Reports missing samples of the driving sensor, and measurements that it never reached.
+    /// Reports missing samples of the driving sensor, and measurements that it never reached: of each sensor
+    /// once.
     fn finish_pace(&mut self, observer: &mut dyn Observer) {
         let (missing, longest) = self.parts.pace.missing();
         if let Some(driver) = self.driver
@@ -65,8 +67,23 @@ impl Ekf {
             let time = self.state().time;
             observer.event(Event { time, level: Level::Warning, about, text });
         }
+        let mut unused: Vec<(SensorId, Time, u64)> = Vec::new();
         while let Some(sample) = self.parts.pace.next_within(&..) {
             observer.update(&rejected(&sample, Rejection::NoInput));
+            match unused.iter_mut().find(|(sensor, ..)| *sensor == sample.sensor) {
+                Some((.., count)) => *count += 1,
+                None => unused.push((sample.sensor, sample.time, 1)),
+            }
+        }
+        for (sensor, time, count) in unused {
+            let about = self.composition.sensors[sensor.0].info.name.clone();
+            let text = match count {
+                1 => "1 sample unused: it is after the last one of the driving sensor".to_owned(),
+                _ => format!(
+                    "{count} samples unused: they are after the last one of the driving sensor"
+                ),
+            };
+            observer.event(Event { time, level: Level::Info, about, text });
         }
     }
 }

@@ -195,7 +195,7 @@ impl Statistics {
             Outcome::Rejected(why) => counts.unused(why),
             outcome => counts.outcomes.add(outcome),
         }
-        counts.in_part.add(update);
+        counts.in_part.add(update.time, update.outcome);
         if update.outcome == Outcome::Accepted {
             counts.nis += update.nis;
         }

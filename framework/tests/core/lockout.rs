@@ -142,7 +142,7 @@ fn report_says_once_that_everything_is_gated_and_does_no_more() {
     let b = locked_out("report", 40);
     assert_eq!(b.log.outcomes(), [Outcome::Gated; 40]);
     assert_eq!(
-        b.log.says("locked out: every one of 6 samples was gated since 10.000 s"),
+        b.log.says("locked out: every one of 6 samples since 10.000 s was outside the gate"),
         1,
         "{:?}",
         b.log.events
@@ -159,7 +159,7 @@ fn accept_uses_the_first_sample_after_the_time() {
     assert_eq!(b.log.outcomes(), expected);
     assert_eq!(
         b.log.says(
-            "locked out: every one of 6 samples was gated since 10.000 s; this sample is used"
+            "locked out: every one of 6 samples since 10.000 s was outside the gate; this sample is used"
         ),
         1
     );
@@ -292,7 +292,7 @@ fn a_sensor_slower_than_the_time_to_recovery_leaves_lock_out_all_the_same() {
         [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]
     );
     assert_eq!(
-        b.log.says("every one of 3 samples was gated since 50.000 s"),
+        b.log.says("every one of 3 samples since 50.000 s was outside the gate"),
         1,
         "{:?}",
         b.log.events

@@ -244,6 +244,8 @@ fn what_waits_at_the_end_or_for_too_long_is_counted_as_without_input() {
     b.ekf.finish(&mut b.log);
     assert_eq!(b.log.updates.len(), 1030);
     assert_eq!(b.log.says("no driving sample covers its time"), 1);
+    let at_end = "1024 samples unused: they are after the last one of the driving sensor";
+    assert_eq!(b.log.says(at_end), 1, "{:?}", b.log.events);
 }
 
 #[test]

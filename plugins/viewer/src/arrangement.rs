@@ -5,6 +5,7 @@ mod states;
 
 use crate::blueprint::{FRAME, Layout};
 use crate::eye::{EYE, FOLLOWING, SEEING_ALL, eye};
+use crate::legend::ASSESSMENT;
 use crate::map::Graticule;
 use crate::overview;
 use crate::polar::Polar;
@@ -30,13 +31,13 @@ use re_sdk_types::components::{self, Plane3D};
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Number of lanes beside those of the sensors: time, and colours once a run is over.
-const LEGENDS: usize = 2;
+/// Number of lanes beside those of the sensors: time, and verdict and colours once a run is over.
+const LEGENDS: usize = 3;
 /// Height of a small window (1280x720) and of a usual one (1600x1000) without their panels, pixels.
 const SMALL: f64 = 645.0;
 const USUAL: f64 = 900.0;
 /// Least and greatest share of the lanes in the height; the last one is for many sensors.
-const LANES: [f64; 3] = [0.36, 0.62, 0.66];
+const LANES: [f64; 3] = [0.36, 0.66, 0.7];
 /// Share of plot and table below the page: the error from -4 to 4 sigma has a number at every sigma of a
 /// small window, and all rows of the table are there.
 const BELOW_PAGE: f64 = 0.4;
@@ -138,7 +139,10 @@ impl Layout {
             TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
         );
         let places = run.track.as_ref().map(|motion| self.places(motion));
-        let contents = [self.clock(), "+ /colour_legend".into(), "+ /health/**".into()];
+        let mut contents = vec![self.clock(), "+ /colour_legend".into(), "+ /health/**".into()];
+        if self.ranges {
+            contents.push(format!("+ /{ASSESSMENT}"));
+        }
         let lanes = self.lanes("Health of the sensors", &contents);
         let shares = |below: f64| [1.0 - below, below].map(|share| share as f32);
         // while the run goes on, the page of many sensors needs the whole height

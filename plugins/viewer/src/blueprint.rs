@@ -11,7 +11,7 @@ use re_sdk::blueprint::{
     BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel,
     TextLogView, TimePanel, TimeSeriesView,
 };
-use re_sdk::log::LogMsg;
+use re_sdk::log::{Chunk, LogMsg};
 use re_sdk::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamResult, StoreKind};
 use re_sdk_types::blueprint::archetypes::{
     PlotLegend, ScalarAxis, TextLogColumns, TimeAxis, ViewBlueprint,
@@ -28,8 +28,28 @@ pub const FRAME: f64 = 46.0;
 /// Width of a window, of a letter of a title, and of the icons beside it, pixels.
 const TITLES: [f64; 3] = [1600.0, 7.0, 120.0];
 
+/// The timeline of layouts.
+const BLUEPRINT: &str = "blueprint";
+
 /// Entity of the view whose time axis all linked views share; viewers have its id built in.
 const ALL_VIEWS: &str = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc";
+
+/// The message without the time at which it was written, and without an origin at the root, which is the viewer's
+/// default: each takes an eighth of the bytes of a layout.
+fn slim(message: LogMsg) -> RecordingStreamResult<LogMsg> {
+    Ok(match message {
+        LogMsg::ArrowMsg(store, message) => {
+            let mut chunk = Chunk::from_arrow_msg(&message)?.timeline_sliced(BLUEPRINT.into());
+            let origin = ViewBlueprint::descriptor_space_origin().component;
+            let roots = chunk.iter_slices::<String>(origin).flatten();
+            if roots.map(|path| path.as_str() == "/").all(|root| root) {
+                chunk = chunk.component_dropped(origin);
+            }
+            LogMsg::ArrowMsg(store, chunk.to_arrow_msg()?)
+        }
+        other => other,
+    })
+}
 
 /// The height of a plot that has that many plots in its column, at 1600x1000.
 pub fn height(rows: usize) -> f64 {
@@ -106,14 +126,14 @@ impl Layout {
         if let Some(id) = messages.first().map(|m| m.store_id().clone()) {
             let (stream, stored) =
                 RecordingStreamBuilder::from_store_id(&id).enabled(true).memory()?;
-            stream.set_time_sequence("blueprint", 0);
+            stream.set_time_sequence(BLUEPRINT, 0);
             for (path, property) in &self.properties {
                 stream.log(path.clone(), property.as_ref())?;
             }
             messages
                 .extend(stored.take().into_iter().filter(|m| matches!(m, LogMsg::ArrowMsg(..))));
         }
-        Ok(messages)
+        messages.into_iter().map(slim).collect()
     }
 
     /// Gives the next plot a legend where that covers no data, and one that `needs` it in any case: returns
@@ -168,8 +188,12 @@ impl Layout {
         let view = ContainerLike::from(view.with_contents(contents));
         let range_of_time = self.range_of_time(start);
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(range_of_time));
-        let corner = PlotLegend::new().with_corner(self.corner);
-        self.set(&view, "PlotLegend", corner.with_visible(self.legend));
+        // a layout has hundreds of plots, and what is the viewer's default takes a kilobyte in each
+        match (self.legend, self.corner) {
+            (false, _) => self.set(&view, "PlotLegend", PlotLegend::new().with_visible(false)),
+            (true, Corner2D::RightBottom) => {}
+            (true, corner) => self.set(&view, "PlotLegend", PlotLegend::new().with_corner(corner)),
+        }
         if let Some([low, high]) = range.filter(|_| self.ranges) {
             let range = axis::range(low, high, pixels);
             self.set(&view, "ScalarAxis", ScalarAxis::new().with_range(range));

@@ -83,10 +83,14 @@ impl<const N: usize, const K: usize> Merge for Stretch<N, K> {
 impl<const N: usize, const K: usize> History<N, K> {
     /// An empty history; `keys` are the columns whose extremes stay.
     pub fn new(keys: [usize; K], full: bool) -> Self {
-        // a stretch keeps two rows for each key
-        let stretches = if full { usize::MAX } else { ROWS / (2 * K) };
+        Self::with_rows(keys, if full { usize::MAX } else { ROWS })
+    }
+
+    /// An empty history of at most about that many rows.
+    pub fn with_rows(keys: [usize; K], rows: usize) -> Self {
         Self {
-            stretches: Thin::with_rows(stretches),
+            // a stretch keeps two rows for each key
+            stretches: Thin::with_rows(rows / (2 * K)),
             keys,
             first: None,
             last: None,

@@ -7,7 +7,7 @@ use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::health::{Health, Judged, Lane, Stretch};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, Rejection, UpdateRecord};
+use navfuse_core::model::record::{InPart, InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
@@ -22,9 +22,8 @@ pub struct SensorLane {
     pub lane: Lane,
     /// Numbers of samples by outcome.
     pub outcomes: Outcomes,
-    /// Gated or rejected samples of which other channels were used, and the time of the last refused part.
-    pub in_part: u64,
-    refused: Option<Time>,
+    /// Gated or rejected samples of which other channels were used.
+    pub in_part: InPart,
     /// Samples that reached the gate, and gated ones, while the vehicle turned.
     pub in_turns: [u64; 2],
     /// Set for a sensor that drives the process.
@@ -52,8 +51,7 @@ impl SensorLane {
             name: info.name.clone(),
             lane: Lane::default(),
             outcomes: Outcomes::default(),
-            in_part: 0,
-            refused: None,
+            in_part: InPart::default(),
             in_turns: [0; 2],
             drives: info.purpose == Purpose::Input,
             found: None,
@@ -135,14 +133,7 @@ impl SensorLane {
             self.in_turns[1] += u64::from(update.outcome == Outcome::Gated);
         }
         self.outcomes.add(update.outcome);
-        // the record of the refused channels comes first
-        match update.outcome {
-            Outcome::Accepted => self.in_part += u64::from(self.refused == Some(update.time)),
-            Outcome::Gated | Outcome::Rejected(Rejection::Isolated) => {
-                self.refused = Some(update.time);
-            }
-            Outcome::Placed | Outcome::Rejected(_) => {}
-        }
+        self.in_part.add(update.time, update.outcome);
         self.lane.update(&Judged::from(update));
         self.write(recording)
     }

@@ -5,7 +5,9 @@ use crate::lane::WAITING;
 use crate::recording::Recording;
 use crate::strip::{self, BESIDE, LETTER, MARGINS, has_room, without_word};
 use crate::style::{Colour, path};
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::health::Health;
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
@@ -17,6 +19,8 @@ const TIMES: f64 = 8.0;
 /// The strips of seconds: of a run that has ended, and of one that viewers watch.
 pub const CLOCK: [&str; 1] = ["clock"];
 pub const WATCHED_CLOCK: [&str; 1] = ["clock_live"];
+/// The strip of the verdict; strips are in the order of their names.
+pub const ASSESSMENT: &str = "assessment";
 /// Least distance of two times, s, of a run that has ended, and of one that viewers watch: their timeline has
 /// whole seconds, and the second time of a second would replace the first.
 const LEAST: f64 = 1e-3;
@@ -84,6 +88,28 @@ pub fn write(recording: &Recording, (first, last): (i64, i64)) -> Result<(), Str
         recording.log(&entity, end, &StateChange::single(""))?;
     }
     Ok(())
+}
+
+/// The colour of a verdict whose heaviest reason has a severity: that of a sensor as good.
+fn mark(severity: Severity) -> Colour {
+    let like = match severity {
+        Severity::Note => Health::Used,
+        Severity::Contained => Health::Doubted,
+        Severity::Doubtful => Health::Noisy,
+        Severity::DoNotUse => Health::Isolated,
+    };
+    like.colour()
+}
+
+/// Writes the strip of the verdict of a run that began at that time, ns: its words in its colour.
+pub fn write_verdict(
+    recording: &Recording,
+    first: i64,
+    verdict: &Verdict,
+) -> Result<(), StreamError> {
+    let (entity, words) = (path(&[ASSESSMENT]), verdict.words());
+    recording.log_static(&entity, &strip::look([(words, mark(verdict.severity()))]))?;
+    recording.log(&entity, first, &StateChange::single(words))
 }
 
 /// Writes the strip of seconds of a run that has ended.

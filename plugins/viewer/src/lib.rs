@@ -9,7 +9,7 @@
 //! |---|---|
 //! | `/overview`, `/states` | the verdict and its reasons, the sensors, the states that converged; the errors |
 //! | `/health/SENSOR` | used, NIS too large, doubted, gated, rejected, isolated or silent; a space behind the word of a stretch that is too short for it |
-//! | `/colour_legend`, `/clock` | the colours of the health with their words; the time in seconds |
+//! | `/assessment`, `/colour_legend`, `/clock` | the verdict in its colour; the colours of the health with their words; the time in seconds |
 //! | `/plan/estimate`, `/plan/truth` | the tracks from above, with a grid; coloured by sigma |
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
 //! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |

@@ -162,7 +162,8 @@ fn write_sensors(page: &mut String, lanes: &[SensorLane], verdict: Option<&Verdi
         let _ = writeln!(page, "| {} |", cells.collect::<Vec<_>>().join(" | "));
     }
     let in_part = |lane: &SensorLane| {
-        (lane.in_part > 0).then(|| format!("{} of **{}**", lane.in_part, lane.name))
+        let count = lane.in_part.count;
+        (count > 0).then(|| format!("{count} of **{}**", lane.name))
     };
     let in_part: Vec<String> = lanes.iter().filter_map(in_part).collect();
     if !in_part.is_empty() {

@@ -16,6 +16,7 @@ use crate::track::Motion;
 use navfuse_core::model::record::Corrected;
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::health::Health;
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::sensor::{Accuracy, Purpose};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::units::time::Time;
@@ -134,7 +135,11 @@ impl Run {
     }
 
     /// Writes the whole run.
-    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+    pub fn write(
+        &mut self,
+        recording: &Recording,
+        verdict: Option<&Verdict>,
+    ) -> Result<(), StreamError> {
         self.blocks.iter_mut().try_for_each(|block| block.write(recording))?;
         if let Some((block, component)) = self.worst {
             self.blocks[block].write_normalised(recording, component)?;
@@ -152,6 +157,9 @@ impl Run {
         if let Some(span) = span.filter(|(first, last)| first < last) {
             legend::write(recording, span)?;
             legend::write_clock(recording, span)?;
+            if let Some(verdict) = verdict {
+                legend::write_verdict(recording, span.0, verdict)?;
+            }
             self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }
         let span = self.span.unwrap_or_default();

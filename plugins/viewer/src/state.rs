@@ -12,6 +12,7 @@ use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::state::Block;
 use navfuse_core::state::manifold::{MAX_TANGENT, Manifold, Position, Reading};
+use navfuse_core::units::thin::ROWS;
 use navfuse_core::units::time::Time;
 use std::any::TypeId;
 
@@ -19,6 +20,11 @@ use std::any::TypeId;
 const OF_ESTIMATE: &str = "±3σ of estimate";
 /// Time for which the size of an error is drawn without a new truth, ns.
 const HELD: i64 = 10_000_000_000;
+
+/// Number of rows of all series of the states, and least number of one: a recording stays small where a run has
+/// many states, or each twice, filtered and smoothed.
+const ALL_ROWS: usize = 32 * ROWS;
+const LEAST_ROWS: usize = 384;
 
 /// The column of sigma in the histories of a component.
 const SIGMA: usize = 1;
@@ -76,9 +82,12 @@ pub fn blocks(run: &RunInfo, full: bool) -> Vec<BlockSeries> {
     let velocity = vehicle.velocity.map(|handle| handle.slot());
     let attitude = vehicle.attitude.map(|handle| handle.slot());
     let accuracy = run.reference.filter(|_| !run.simulated).unwrap_or_default();
-    let free = run.layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
+    let free = || run.layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
+    let components: usize = free().map(|(_, block)| block.operations.tangent).sum();
+    let each = ALL_ROWS / (components * if run.smoothed { 2 } else { 1 }).max(1);
+    let rows = if full { usize::MAX } else { each.clamp(LEAST_ROWS, ROWS) };
     let series = |(slot, block): (usize, &Block)| {
-        let mut series = BlockSeries::new(slot, block, run.simulated, full);
+        let mut series = BlockSeries::new(slot, block, run.simulated, rows);
         series.is_position = at(position, slot);
         let own = match slot {
             _ if at(position, slot) => accuracy.position,
@@ -91,11 +100,11 @@ pub fn blocks(run: &RunInfo, full: bool) -> Vec<BlockSeries> {
         series.components.iter_mut().for_each(|c| c.tally.reference = series.own);
         series
     };
-    free.map(series).collect()
+    free().map(series).collect()
 }
 
 impl BlockSeries {
-    fn new(slot: usize, block: &Block, simulated: bool, full: bool) -> Self {
+    fn new(slot: usize, block: &Block, simulated: bool, rows: usize) -> Self {
         let (owner, name) = block.name.split_once('.').unwrap_or(("", &block.name));
         let unit = block.spec.display.unit;
         let half_turn = match block.operations.reading {
@@ -107,8 +116,8 @@ impl BlockSeries {
             unit,
             tally: Tally::default(),
             plots: None,
-            history: History::new([0, 3], full),
-            filtered: History::new([0], full),
+            history: History::with_rows([0, 3], rows),
+            filtered: History::with_rows([0], rows),
             live: None,
         };
         Self {

@@ -1,6 +1,7 @@
 //! The report of a run: the verdict on each state, its time, and what is missing.
 
 use crate::component::Determination;
+use crate::share::Shares;
 use crate::theorem::{self, SegmentView};
 use crate::tracker::Tracker;
 use crate::words;
@@ -36,6 +37,9 @@ pub struct ObservabilityReport {
     pub no_segments: Option<String>,
     /// Normalised sigma of each component over time.
     pub history: SigmaHistory,
+    /// Share of each sensor in the information about each component over time.
+    #[serde(skip)]
+    pub shares: Shares,
 }
 
 /// One component.
@@ -167,6 +171,7 @@ impl ObservabilityReport {
             segments: None,
             no_segments: None,
             history: SigmaHistory::new(tracker, &titles),
+            shares: tracker.shares(),
         }
     }
 

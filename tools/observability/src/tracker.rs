@@ -4,6 +4,7 @@ use crate::component::{Component, Determination, square_root};
 use crate::direction::{self, Direction};
 use crate::initial_error::InitialError;
 use crate::reference::Reference;
+use crate::share::{Bits, Shares};
 use crate::status::{ComponentStatus, DETERMINED};
 use navfuse_core::model::record::{Epoch, Outcome, Record, Repetition, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Purpose;
@@ -75,6 +76,7 @@ pub struct Tracker {
     /// Times of the history; `history` holds the normalised sigmas, row by row.
     times: Vec<f64>,
     history: Vec<f64>,
+    bits: Bits,
 }
 
 /// Quantities that are propagated from the start on.
@@ -162,6 +164,7 @@ impl Tracker {
             next: [Time::MIN; 2],
             times: Vec::new(),
             history: Vec::new(),
+            bits: Bits::default(),
         }
     }
 
@@ -215,6 +218,24 @@ impl Tracker {
     /// Returns the times of the history, s, and the normalised sigmas, row by row.
     pub fn history(&self) -> (&[f64], &[f64]) {
         (&self.times, &self.history)
+    }
+
+    /// Returns the share of each sensor in the information about each component over time.
+    pub fn shares(&self) -> Shares {
+        let each = self.components.iter().enumerate();
+        let groups = each.map(|(i, component)| (component.title(&self.layout), i..i + 1));
+        Shares::new(&self.bits, &self.sensors, groups)
+    }
+
+    /// Returns the same for blocks, with the information on all of their components.
+    pub fn shares_of_blocks(&self) -> Shares {
+        let mut begin = 0;
+        let blocks = self.components.chunk_by(|a, b| a.slot == b.slot);
+        let groups = blocks.map(|block| {
+            begin += block.len();
+            (block[0].state.clone(), begin - block.len()..begin)
+        });
+        Shares::new(&self.bits, &self.sensors, groups)
     }
 
     /// Returns `M`, the remaining covariance of the initial error in units of the prior; row-major,
@@ -363,6 +384,7 @@ impl Tracker {
 
     fn judge(&mut self) -> bool {
         self.judged = self.end;
+        self.bits.push(self.end.seconds(), &self.sensors);
         let Some(started) = &mut self.started else { return false };
         let (time, values) = (self.end, &self.values);
         let mut changed = false;

@@ -6,7 +6,7 @@ use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::health::{Health, Judged, Judgement};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Corrected, Derived, Event, Level, Rejection};
+use navfuse_core::model::record::{Corrected, Derived, Event, Level, Outcome, Rejection};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
@@ -279,14 +279,16 @@ impl RunHistory {
             let normalised = row.innovation.iter().zip(&row.sigma).map(|(z, sigma)| z / sigma);
             updates.residuals.iter_mut().zip(normalised).for_each(|(all, z)| all.push(z));
         }
-        // the record of the refused channels comes first
-        if matches!(health, Health::Gated | Health::Isolated) {
-            updates.refused = Some(at);
+        match health {
+            Health::Used if matches!(fate, Fate::Accepted) => {
+                updates.in_part.add(at, Outcome::Accepted)
+            }
+            Health::Gated | Health::Isolated => updates.in_part.add(at, Outcome::Gated),
+            _ => {}
         }
         match fate {
             Fate::Accepted => {
                 updates.outcomes.accepted += 1;
-                updates.in_part += u64::from(updates.refused == Some(at));
                 updates.nis = [updates.nis[0] + nis, updates.nis[1] + freedom];
                 updates.consistency.push(Consistency { span: [time; 2], nis, expected: freedom });
                 updates.innovations.push(row);
@@ -369,6 +371,13 @@ impl BlockHistory {
         };
         block.push(row);
         block
+    }
+
+    /// A block with one component and one estimate.
+    #[cfg(test)]
+    pub(crate) fn of_row(name: &str, unit: &str, row: Row) -> Self {
+        let (mode, components) = (Mode::Estimated, [name].into_iter());
+        Self::new(BlockInfo { name, mode, components, unit, geodetic: false }, row)
     }
 
     fn push(&mut self, row: Row) {

@@ -1,5 +1,5 @@
-//! Quality of a run without a truth: the distribution and the correlation of the innovations, and the
-//! filter against the smoother.
+//! Quality of a run without a truth: the distribution and the correlation of the innovations, the filter
+//! against the smoother, and the estimate from before a time against that from after it.
 
 use crate::histogram::histogram;
 use crate::history::{BlockHistory, Row, displacement};
@@ -78,15 +78,10 @@ pub fn separation<'a>(blocks: impl Iterator<Item = &'a BlockHistory>) -> Option<
 }
 
 fn separated(block: &BlockHistory) -> Option<Panel> {
-    let filtered = block.filtered.as_ref().filter(|_| block.uncertain())?;
-    let smoothed = block.rows.rows();
-    let pairs = || {
-        let same = |f: &&Row| smoothed.binary_search_by(|s| s.time.total_cmp(&f.time));
-        filtered.rows.rows().iter().filter_map(move |f| Some((f, &smoothed[same(&f).ok()?])))
-    };
+    block.filtered.as_ref().filter(|_| block.uncertain())?;
     let curves: Vec<_> = (0..block.components.len())
         .map(|k| {
-            let points = pairs().filter_map(|(f, s)| {
+            let points = pairs(block).filter_map(|(f, s)| {
                 Some([f.time, difference(block, k, f, s)? / spread(f.sigma[k], s.sigma[k])?])
             });
             curve(block.axis(k), Look::Data(k), points)
@@ -103,6 +98,91 @@ fn separated(block: &BlockHistory) -> Option<Panel> {
             vec![band],
         )
     })
+}
+
+/// Least and greatest share of the filter's variance that the samples after a time take away, where both
+/// estimates are drawn: sigmas that differ by a factor of three at most.
+const COMPARABLE: [f64; 2] = [0.1, 0.9];
+
+/// A component of a block: the estimate from the samples before a time minus that from those after it, and
+/// the sigma of the difference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Opposed {
+    /// Name of block and component.
+    pub name: String,
+    /// Name of the component.
+    pub component: String,
+    /// Place of the component in its block.
+    pub place: usize,
+    /// Unit.
+    pub unit: String,
+    /// Time, s, difference, and its sigma.
+    pub points: Vec<[f64; 3]>,
+}
+
+/// Compares the filter with the estimate from the samples after each time, of the components that move. The
+/// smoother combines both (Fraser & Potter 1969): with the variances `P` of the filter and `S` of the
+/// smoother, the samples after a time have the variance `P S / (P - S)` of the component, and the two
+/// estimates differ by `P / (P - S)` times filter minus smoother, with the variance `P^2 / (P - S)`.
+pub fn opposed<'a>(blocks: impl Iterator<Item = &'a BlockHistory>) -> Vec<Opposed> {
+    let moving = blocks.filter(|block| block.uncertain() && !block.constant());
+    let components = moving.flat_map(|block| (0..block.components.len()).map(move |k| (block, k)));
+    let component = |(block, place): (&BlockHistory, usize)| {
+        let points = pairs(block).filter_map(|(f, s)| against(block, place, f, s));
+        let mut points: Vec<[f64; 3]> = points.collect();
+        // one point breaks a line
+        points.dedup_by(|point, before| point[1].is_nan() && before[1].is_nan());
+        Opposed {
+            name: match block.components.len() {
+                1 => block.name.clone(),
+                _ => format!("{} {}", block.name, block.axis(place)),
+            },
+            component: block.axis(place).to_owned(),
+            place,
+            unit: block.unit.clone(),
+            points,
+        }
+    };
+    let known = |all: &Opposed| all.points.iter().filter(|point| point[1].is_finite()).count() > 1;
+    components.map(component).filter(known).collect()
+}
+
+/// Time, forward minus backward, and its sigma; both are NaN where one of the two is far less certain.
+fn against(block: &BlockHistory, k: usize, filter: &Row, smoothed: &Row) -> Option<[f64; 3]> {
+    let share = 1.0 - (smoothed.sigma[k] / filter.sigma[k]).powi(2);
+    let [low, high] = COMPARABLE;
+    let difference = difference(block, k, filter, smoothed)?;
+    Some(match (low..=high).contains(&share) {
+        true => [filter.time, difference / share, filter.sigma[k] / share.sqrt()],
+        false => [filter.time, f64::NAN, f64::NAN],
+    })
+}
+
+/// Plots forward minus backward in the unit of the state with its bounds of 3 sigma, one panel for each
+/// component; `None` for a run that is not smoothed.
+pub fn forward_backward<'a>(blocks: impl Iterator<Item = &'a BlockHistory>) -> Option<Figure> {
+    let panel = |all: &Opposed| {
+        let points = all.points.iter().map(|[time, difference, _]| [*time, *difference]);
+        let bounds = all.points.iter().map(|[time, _, s]| [*time, -3.0 * s, 3.0 * s]);
+        let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
+        let curves = vec![curve("forward - backward", Look::Data(0), points)];
+        over_time(&*all.name, Axis::linear(label("", &all.unit)), curves, bands)
+    };
+    let panels: Vec<Panel> = opposed(blocks).iter().map(panel).collect();
+    (!panels.is_empty()).then(|| Figure {
+        name: "forward-backward".into(),
+        title: String::new(),
+        columns: COLUMNS,
+        panels,
+    })
+}
+
+/// The rows of the filter with the smoothed rows of the same times.
+fn pairs(block: &BlockHistory) -> impl Iterator<Item = (&Row, &Row)> {
+    let smoothed = block.rows.rows();
+    let same = |f: &Row| smoothed.binary_search_by(|s| s.time.total_cmp(&f.time));
+    let filtered = block.filtered.iter().flat_map(|filtered| filtered.rows.rows());
+    filtered.filter_map(move |f| Some((f, &smoothed[same(f).ok()?])))
 }
 
 /// Filter minus smoother, in the unit of sigma.
@@ -197,6 +277,29 @@ mod tests {
         let all = collected(&values);
         assert_eq!((all.count, all.bars[BARS - 1]), (401, 1));
         assert!(all.squares < 600.0);
+    }
+
+    /// A scalar with filter 1.0 ± 2 and samples after it 4.0 ± 3 has the smoothed estimate
+    /// (1/4 + 4/9) / (1/4 + 1/9) = 1.923 and the variance 1 / (1/4 + 1/9) = 2.769.
+    #[test]
+    fn forward_and_backward_are_those_that_the_smoother_combines() {
+        let row = |estimate: f64, sigma: f64| Row {
+            time: 5.0,
+            estimate: vec![estimate],
+            sigma: vec![sigma],
+            error: Vec::new(),
+        };
+        let information = 0.25 + 1.0 / 9.0;
+        let smoothed = row((0.25 + 4.0 / 9.0) / information, (1.0 / information).sqrt());
+        let block = BlockHistory::of_row("depth", "m", row(1.0, 2.0));
+        let [time, difference, sigma] =
+            against(&block, 0, &row(1.0, 2.0), &smoothed).expect("comparable");
+        assert_eq!(time, 5.0);
+        assert!((difference + 3.0).abs() < 1e-12, "{difference}");
+        assert!((sigma - 13.0_f64.sqrt()).abs() < 1e-12, "{sigma}");
+        // samples after it that know ten times less say nothing
+        let none = against(&block, 0, &row(1.0, 2.0), &row(1.1, 1.95)).expect("a break");
+        assert!(none[1].is_nan() && none[2].is_nan());
     }
 
     #[test]

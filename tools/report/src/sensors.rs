@@ -1,11 +1,10 @@
 //! History of a sensor: its samples, and the outcomes of those that correct the state.
 
 use crate::residuals::Residuals;
-use navfuse_core::model::record::Outcomes;
 use navfuse_core::model::record::health::Lane;
+use navfuse_core::model::record::{InPart, Outcomes};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::units::thin::{Merge, Thin};
-use navfuse_core::units::time::Time;
 
 /// History of a sensor.
 #[derive(Clone, Debug, Default)]
@@ -57,9 +56,7 @@ pub struct Updates {
     /// Numbers of samples. Of a driving sensor, the rejected ones alone.
     pub outcomes: Outcomes<String>,
     /// Gated or rejected samples of which other channels were used.
-    pub in_part: u64,
-    /// Time of the last refused sample, or of the refused part of one.
-    pub refused: Option<Time>,
+    pub in_part: InPart,
     /// Sum of the normalised innovation squared of the accepted samples, and of their degrees of
     /// freedom.
     pub nis: [f64; 2],
@@ -77,8 +74,7 @@ impl Default for Updates {
     fn default() -> Self {
         Self {
             outcomes: Outcomes::default(),
-            in_part: 0,
-            refused: None,
+            in_part: InPart::default(),
             nis: [0.0; 2],
             innovations: Thin::with_rows(DOTS),
             outliers: Thin::with_rows(DOTS),

@@ -9,6 +9,8 @@
 //! | `/observability/verdicts` | which states the run determines, and what is missing |
 //! | `/quality/SENSOR/CHANNEL/distribution`, `autocorrelation` | innovations over their sigma: a histogram beside the normal distribution, and their correlation |
 //! | `/quality/separation/BLOCK` | of a smoothed run: filter minus smoother over the sigma of their difference |
+//! | `/quality/opposed/COMPONENT` | of a smoothed run: the estimate from before each time minus that from after it |
+//! | `/quality/information/BLOCK` | the share of each sensor in the information about a block of the state |
 
 pub mod figures;
 mod observability;
@@ -24,6 +26,7 @@ use navfuse_rerun::{Rerun, Serve, Tab};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A recording for the rerun viewer, with a layout for navigation runs: `rerun run.rrd` shows it.
 /// The file is always written; a viewer can watch besides.
@@ -65,10 +68,11 @@ impl Viewer {
     pub fn record(self, output: &Path) -> Result<Box<dyn Sink>, StreamError> {
         let Self { path, connect, spawn, serve, samples, full, observability } = self;
         let mut tabs: Vec<Box<dyn Tab>> = Vec::new();
+        let shares = Arc::default();
         if observability {
-            tabs.push(Box::new(Observability::default()));
+            tabs.push(Box::new(Observability::handing_over(Arc::clone(&shares))));
         }
-        tabs.push(Box::new(Quality::default()));
+        tabs.push(Box::new(Quality::with_shares(shares)));
         Rerun { path, connect, spawn, serve, samples, full }.record(output, tabs)
     }
 }

@@ -4,13 +4,14 @@
 use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::units::time::Time;
-use navfuse_observability::{Component, DETERMINED, Determination, Tracker, markdown};
+use navfuse_observability::{Component, DETERMINED, Determination, Shares, Tracker, markdown};
 use navfuse_rerun::re_sdk::EntityPath;
 use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Horizontal, TextDocumentView};
 use navfuse_rerun::re_sdk_types::archetypes::{StateChange, TextDocument};
 use navfuse_rerun::strip::{self, Words};
 use navfuse_rerun::style::path;
 use navfuse_rerun::{Layout, Recording, Tab, colours};
+use std::sync::{Arc, OnceLock};
 
 /// Time between two recorded values of the bits, ns.
 const BITS_INTERVAL: i64 = 1_000_000_000;
@@ -102,6 +103,15 @@ impl Strip {
 pub struct Observability {
     /// `None` before the run starts.
     followed: Option<Followed>,
+    /// Where the shares of the sensors in the information are handed over at the end.
+    shares: Arc<OnceLock<Shares>>,
+}
+
+impl Observability {
+    /// A tab that hands the shares of the sensors over at the end of the run.
+    pub fn handing_over(shares: Arc<OnceLock<Shares>>) -> Self {
+        Self { shares, ..Self::default() }
+    }
 }
 
 /// A run that is being followed.
@@ -223,6 +233,7 @@ impl Tab for Observability {
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.followed.as_mut().map_or(Ok(()), |followed| {
             followed.tracker.finish();
+            let _ = self.shares.set(followed.tracker.shares_of_blocks());
             followed.strips.iter_mut().try_for_each(|strip| strip.write(recording))?;
             followed.fit(recording)?;
             followed.write_page(recording)

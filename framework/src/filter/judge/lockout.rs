@@ -215,7 +215,8 @@ impl Lockout {
         if let Some(streak @ Streak { since, count, jump, replaced, .. }) = self.streak {
             let isolates = recovery.action == Action::Inflate && !evidence.shared && !replaced;
             if isolates && jump > 1.0 && count > OUTLIERS && sample.share > GONE {
-                let gated = format!("every one of {count} samples was gated since {since}");
+                let gated =
+                    format!("every one of {count} samples since {since} was outside the gate");
                 return self.isolate(sample, since, JUMPED, &gated, observer);
             }
             let gated = match count {
@@ -325,7 +326,8 @@ impl Lockout {
         if !due || !nis.is_finite() {
             return Verdict::Gate;
         }
-        let lock_out = format!("locked out: every one of {count} samples was gated since {since}");
+        let lock_out =
+            format!("locked out: every one of {count} samples since {since} was outside the gate");
         match recovery.action {
             Action::Report if reported => Verdict::Gate,
             Action::Report => {

@@ -16,7 +16,6 @@ mod wants;
 pub use corrected::Corrected;
 pub use derived::Derived;
 pub use event::{Event, Level};
-pub(crate) use outcome::InPart;
-pub use outcome::{Outcome, Outcomes, Rejection};
+pub use outcome::{InPart, Outcome, Outcomes, Rejection};
 pub use record::{Epoch, InputRejection, Observer, Repetition, Truth, UpdateRecord};
 pub use wants::{Record, Wants};

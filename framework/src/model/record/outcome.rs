@@ -1,7 +1,6 @@
 //! Outcomes of samples: why a sample was not used, in words, and the numbers of samples by outcome.
 
 use crate::checkpoint::saved;
-use crate::model::record::UpdateRecord;
 use crate::units::time::Time;
 
 /// Outcome of a measuring sensor's sample.
@@ -93,24 +92,23 @@ impl Rejection {
     }
 }
 
-/// The number of refused samples of a sensor of which other channels were used. The record of the refused
-/// channels comes first.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct InPart {
+/// The number of gated or isolated samples of a sensor of which other channels were used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InPart {
     refused: Option<Time>,
-    pub(crate) count: u64,
+    /// Number of the samples.
+    pub count: u64,
 }
 
 saved!(InPart { refused, count });
 
 impl InPart {
-    /// Takes the outcome of a sample, or of a part of it.
-    pub(crate) fn add(&mut self, update: &UpdateRecord<'_>) {
-        match update.outcome {
-            Outcome::Accepted => self.count += u64::from(self.refused == Some(update.time)),
-            Outcome::Gated | Outcome::Rejected(Rejection::Isolated) => {
-                self.refused = Some(update.time);
-            }
+    /// Takes the outcome of a sample at a time, or of a part of it: the record of the refused channels comes
+    /// first.
+    pub fn add(&mut self, time: Time, outcome: Outcome) {
+        match outcome {
+            Outcome::Accepted => self.count += u64::from(self.refused == Some(time)),
+            Outcome::Gated | Outcome::Rejected(Rejection::Isolated) => self.refused = Some(time),
             Outcome::Placed | Outcome::Rejected(_) => {}
         }
     }

@@ -122,7 +122,7 @@ impl SensorStatistics {
 
     /// Adds the outcome of a sample.
     pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
-        self.in_part.add(update);
+        self.in_part.add(update.time, update.outcome);
         let m = update.innovation.len();
         let chance = |place: &mut Option<Chance>| {
             *place.get_or_insert_with(|| Chance::of(m, update.threshold))

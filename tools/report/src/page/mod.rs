@@ -245,6 +245,19 @@ pub fn report(
                         "contradicts one of the two sigmas."
                     })?)
                 }
+                @if let Some(figure) = quality::forward_backward(history.blocks.iter()) {
+                    h3 { "Forward against backward" }
+                    (picture(&figure, &html! {
+                        "The estimate from the samples before a time minus that from the samples after it, of "
+                        "states that move, where neither is more than three times as uncertain as the other."
+                    })?)
+                }
+                @if let Some(figure) = observed.and_then(|observed| observed.shares.figure()) {
+                    h3 { "Information of each sensor" }
+                    (picture(&figure, &html! {
+                        "The share of each sensor in the information about each state, of all samples so far."
+                    })?)
+                }
             }
             section #observability {
                 h2 { "Observability" }

@@ -230,9 +230,9 @@ pub(super) fn sensors(history: &RunHistory) -> Markup {
                     @for (why, count) in &updates.outcomes.rejected {
                         tr { th {} td.name colspan="9" { (count) " rejected: " (why) } }
                     }
-                    @if updates.in_part > 0 {
+                    @if updates.in_part.count > 0 {
                         tr { th {} td.name colspan="9" {
-                            (updates.in_part) " gated or rejected samples were used in part, by other channels"
+                            (updates.in_part.count) " gated or rejected samples were used in part, by other channels"
                         } }
                     }
                 }

@@ -88,7 +88,7 @@ pub(super) fn coasted(
     let sensor = sample.sensor;
     let text = format!(
         "after {silence:.1} s without a used sample of {sensor} the filter was off by more than its sigma \
-         allows: every one of {count} samples was gated since {since}; {INFLATED}"
+         allows: every one of {count} samples since {since} was outside the gate; {INFLATED}"
     );
     report(sample, (Severity::Contained, Basis::Silence), text, NOISE, observer);
 }
