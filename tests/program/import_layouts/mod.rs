@@ -249,6 +249,16 @@ fn a_velocity_log_along_north_and_east_under_other_names_is_refused() {
     }
 }
 
+/// Nothing holds the track: without this the run is consistent, hundreds of kilometres from the truth.
+#[test]
+fn an_imu_that_moves_without_any_position_or_velocity_is_refused() {
+    let recorded = record();
+    let folder = tempfile::tempdir().expect("a folder");
+    let imu = programs::mounted::inertial_alone(&recorded, folder.path());
+    let error = import(&imu, None).expect_err("nothing aids it");
+    assert!(error.contains("no file measures a position or a velocity"), "{error}");
+}
+
 /// The car reverses for 10 s before it drives ahead.
 const REVERSING: &str = r#"
   { type = "static", duration = "2 s" },

@@ -35,7 +35,7 @@ const HALF: f64 = 0.25;
 const QUARTER: f64 = 0.35;
 /// Twice the logarithm of the likelihood ratio from which the less usual of two explanations is
 /// taken: 1e5 : 1.
-const EVIDENT: f64 = 23.0;
+pub const EVIDENT: f64 = 23.0;
 /// The same within which two explanations are as likely.
 const EQUAL: f64 = 1.0;
 /// The same for the order of latitude and longitude that no heading gives: 1e2 : 1.

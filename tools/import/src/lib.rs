@@ -5,6 +5,7 @@
 //! sources, and writes the final scenario with what the samples show. What no sample shows is
 //! marked with [`MARK`].
 
+mod aids;
 mod axes;
 mod bag;
 mod beams;
@@ -160,6 +161,7 @@ pub fn import(
     };
     recording.keeps_an_aid(files)?;
     recording.share_time(&streams)?;
+    recording.is_held(&streams, answers.position.is_some())?;
     recording.swims_along_its_axes()?;
     recording.doubt_forward(&streams);
     let draft = draft::scenario(&recording, Some(&streams), answers);

@@ -1,6 +1,6 @@
 //! The axes of a velocity log: upwards or downwards by a depth, and turned by the accelerations of the IMU.
 
-use crate::axes::{self, EITHER, Turn};
+use crate::axes::{self, EITHER, EVIDENT, Turn};
 use crate::recording::Recording;
 use crate::samples::find;
 use crate::stream::StreamSurvey;
@@ -36,7 +36,8 @@ impl Recording {
                 "its third velocity is positive upwards, by the depth: forward, left, up is assumed, and y and \
                  z are turned",
             ),
-            false if log.against_right > EITHER => (
+            // beside a third axis that points down, one to the left is the error of a program, and no usual set
+            false if log.against_right > if log.sinks.is_some() { EVIDENT } else { EITHER } => (
                 ["x", "-y", "z"],
                 "its second velocity is positive to the left, by the accelerations: y is turned",
             ),

@@ -93,7 +93,7 @@ pub struct Recording {
     /// Odometry of a bag, whose use depends on the other files.
     undecided: Option<(InBag, PathBuf)>,
     /// What each file has, in words.
-    contents: Vec<(PathBuf, String)>,
+    pub contents: Vec<(PathBuf, String)>,
     /// Set if a file is a bag.
     bag: bool,
     /// Set once the IMU was levelled, and once it was turned about the vertical.

@@ -8,7 +8,7 @@ use crate::stream::StreamSurvey;
 use crate::table::GUESSED;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Noise of rates, deg/h/sqrt(Hz), beyond any instrument: 1 deg/s/sqrt(Hz), ten times that of a phone on
 /// a rough road.
@@ -24,7 +24,7 @@ const FIXED: [&str; 5] = ["imu", "ahrs", "reference", "odometry", "attitude"];
 const LATENCY: f64 = 1.0;
 const TOGETHER: f64 = 0.25;
 /// Sensors that drive the filter.
-const DRIVING: [&str; 2] = ["imu", "ahrs"];
+pub const DRIVING: [&str; 2] = ["imu", "ahrs"];
 
 /// The conversion of the samples of a sensor, as the key `samples` has it, and its mounting.
 #[derive(Clone, Debug, Default)]
@@ -164,27 +164,6 @@ impl Recording {
         self.notes.extend(sensors().map(note));
         self.empty.extend(sensors().map(|part| (part.name, part.file.clone())));
         !empty.is_empty()
-    }
-
-    /// Rejects files of which the one that aids the IMU has no valid sample: the sigma of the IMU alone would hide it.
-    /// A file that holds the IMU too is of use without its aid, and a note says that it is left out.
-    pub fn keeps_an_aid(&self, files: &[PathBuf]) -> Result<(), StreamError> {
-        let aids = |part: &Part| !DRIVING.contains(&part.name) && part.name != "reference";
-        let named = |file: &Path| {
-            let same =
-                |given: &PathBuf| std::fs::canonicalize(given).is_ok_and(|given| given == file);
-            files.iter().any(same)
-        };
-        let of_no_use = |file: &Path| !self.parts.iter().any(|part| part.file == file);
-        let empty = self.empty.iter().find(|(_, file)| named(file) && of_no_use(file));
-        let Some((name, file)) = empty.filter(|_| !self.parts.iter().any(aids)) else {
-            return Ok(());
-        };
-        let file = file.display();
-        let text = format!("{file} has no valid sample of {name}, and no other file aids the IMU");
-        Err(StreamError::format(text).with_remedy(
-            "look at its values: zeros, NaN and rows without a fix are no samples; or leave the file out",
-        ))
     }
 
     /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.

@@ -31,6 +31,11 @@ fn longitude_first(v: &[f64]) -> String {
     format!("{:.9} {:.9} {:.3}", v[1].to_degrees(), v[0].to_degrees(), v[2])
 }
 
+/// The inertial unit without another file.
+pub fn inertial_alone(recorded: &Recorded, folder: &Path) -> Vec<PathBuf> {
+    vec![put(folder, "imu.csv", &plain_imu(recorded, 0))]
+}
+
 /// The recording with a table of positions alone.
 pub fn positions_alone(recorded: &Recorded, folder: &Path) -> Vec<PathBuf> {
     let text = table("time,latitude,longitude,altitude", &recorded["gnss"], |(t, v)| {

@@ -9,8 +9,9 @@ use navfuse_ins::earth::normal_gravity;
 const MEMS: f64 = 7.3;
 /// Rate of the Earth, deg/h: the error of the rates of gyros where nobody knows which way north is.
 const EARTH_RATE: f64 = 15.0;
-/// Usual bias of an accelerometer, mg.
-const ACCEL: f64 = 1.0;
+/// Usual bias of an accelerometer, mg, beside gyros of a better class and beside those of MEMS, whose data sheets state 3 to
+/// 20 mg at any noise.
+const ACCEL: [f64; 2] = [1.0, 5.0];
 /// Gravity on the Earth, m/s^2, at the equator with 5 km of height and at a pole.
 const GRAVITY: [f64; 2] = [9.765, 9.833];
 const MG: f64 = 9.80665e-3;
@@ -35,7 +36,9 @@ pub(super) fn biases(
     let relative = out.relative || matches!(heading, Some(Heading::Relative));
     let gyro = round(if relative { shown.hypot(EARTH_RATE) } else { shown });
     out.ask(&format!("gyro_bias = {{ sigma = \"{gyro} deg/h\" }}"), "bias of the data sheet");
-    let accel = round(1.5 * imu.map_or(0.0, |imu| excess(imu, place)) / MG).max(ACCEL);
+    let mems = imu.is_some_and(|imu| imu.densities()[0] > MEMS);
+    let usual = ACCEL[usize::from(mems)];
+    let accel = round(1.5 * imu.map_or(0.0, |imu| excess(imu, place)) / MG).max(usual);
     out.ask(&format!("accel_bias = {{ sigma = \"{accel} mg\" }}"), "bias of the data sheet");
 }
 

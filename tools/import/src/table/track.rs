@@ -284,6 +284,10 @@ fn ratio(seconds: &[f64], place: &[[f64; 2]], velocity: &[[f64; 2]]) -> Option<R
     let (mut from, mut sum) = (None, [0.0; 2]);
     let (mut count, mut product, mut squares) = (0, 0.0, [0.0; 2]);
     for ((t, p), v) in rows.filter(finite) {
+        // nothing shows the velocity in a gap
+        if before.is_some_and(|(last, _)| t - last > SPAN) {
+            (before, from, sum) = (None, None, [0.0; 2]);
+        }
         let (last, old) = *before.get_or_insert((*t, *v));
         let (begin, [lat, lon]) = *from.get_or_insert((*t, *p));
         sum = [0, 1].map(|k| sum[k] + 0.5 * (old[k] + v[k]) * (t - last));

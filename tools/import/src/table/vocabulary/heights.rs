@@ -1,11 +1,12 @@
 //! Heights with the zero from which they count.
 
 /// Words for a height, for the zero from which it counts, and between both.
-const HEIGHTS: [&str; 7] = ["height", "altitude", "alt", "elevation", "elev", "ele", "hgt"];
-const ELLIPSOID: [&str; 7] = ["ellipsoid", "ellipsoidal", "ell", "hae", "wgs84", "wgs", "geodetic"];
+const HEIGHTS: [&str; 8] = ["height", "altitude", "alt", "elevation", "elev", "ele", "hgt", "ht"];
+const ELLIPSOID: [&str; 9] =
+    ["ellipsoid", "ellipsoidal", "ellips", "ellip", "ell", "hae", "wgs84", "wgs", "geodetic"];
 const SEA: [&str; 9] =
     ["msl", "amsl", "asl", "sea", "level", "mean", "baro", "geoid", "orthometric"];
-const BETWEEN: [&str; 4] = ["above", "over", "the", "84"];
+const BETWEEN: [&str; 5] = ["above", "abv", "over", "the", "84"];
 /// Ranks of heights above the ellipsoid, and above the sea.
 const ABOVE: [usize; 2] = [4, 40];
 
@@ -37,6 +38,7 @@ mod tests {
             ["altHAE", "altMSL"],
             ["gnss1_heightAboveEllipsoid", "gnss1_heightAboveMsl"],
             ["Ellipsoidal Height (m)", "Height above mean sea level (m)"],
+            ["Ht Abv Ellips [x8103]", "Ht Abv MSL [x8103]"],
         ] {
             let [a, b] = [ellipsoid, sea].map(rank);
             assert!(a.is_some() && b.is_some() && a < b, "{ellipsoid} {a:?} {sea} {b:?}");
