@@ -376,7 +376,7 @@ impl BlockHistory {
     /// A block with one component and one estimate.
     #[cfg(test)]
     pub(crate) fn of_row(name: &str, unit: &str, row: Row) -> Self {
-        let (mode, components) = (Mode::Estimated, [name].into_iter());
+        let (mode, components) = (Mode::Estimate, [name].into_iter());
         Self::new(BlockInfo { name, mode, components, unit, geodetic: false }, row)
     }
 
