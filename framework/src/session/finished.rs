@@ -1,6 +1,7 @@
 //! The end of a run: its results, and the error that ended it early.
 
 use crate::model::estimator_error::EstimatorError;
+use crate::model::process::ProcessErrorKind;
 use crate::model::record::Event;
 use crate::model::record::finding::Finding;
 use crate::model::stream::{NamedSink, Sink, StreamError};
@@ -34,6 +35,16 @@ pub enum RunError {
     /// The filter never started.
     #[error("{0}")]
     NeverStarted(String),
+}
+
+impl RunError {
+    /// Returns `true` if samples of the driving sensor are missing or incomplete.
+    pub(crate) fn is_of_the_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Estimator(EstimatorError::Process { error, .. }) if error.kind() == ProcessErrorKind::Input
+        )
+    }
 }
 
 /// The way in which the samples of a run ended.

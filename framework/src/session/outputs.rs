@@ -8,6 +8,7 @@ use crate::model::record::{
     Repetition, UpdateRecord, Wants,
 };
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
+use crate::session::finished::RunError;
 use crate::session::output_rate::OutputRate;
 use crate::session::summary::{Recorded, Statistics};
 use crate::session::verdict::Judge;
@@ -177,7 +178,7 @@ impl Outputs {
     }
 
     /// Judges the run, which an `error` ended early, and passes the verdict on to the sinks.
-    pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
+    pub(crate) fn verdict(&mut self, time: Time, error: Option<&RunError>) -> Verdict {
         self.derive(true);
         let (compared, end) = (self.statistics.compared(), self.statistics.last_epoch());
         let verdict = self.judge.verdict(&self.findings, error, compared, end);

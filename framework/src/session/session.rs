@@ -459,7 +459,7 @@ impl Session {
         quality: Option<QualityReport>,
     ) -> Finished {
         let time = self.estimator.time();
-        let verdict = self.outputs.verdict(time, error.as_ref().map(ToString::to_string));
+        let verdict = self.outputs.verdict(time, error.as_ref());
         let recorded = self.outputs.close(time, &self.estimator.corrected());
         let mut summary = self.outputs.statistics.summary(self.estimator.as_ref(), verdict);
         summary.smoothing = quality;

@@ -18,6 +18,7 @@ use crate::model::record::verdict::{Criterion, Reason, Verdict};
 use crate::model::record::{Epoch, Outcome, UpdateRecord};
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::session::comparison::Compared;
+use crate::session::finished::RunError;
 use crate::state::Mode;
 use crate::state::covariance::Update;
 use crate::units::sample::Channel;
@@ -145,7 +146,7 @@ impl Judge {
     pub(crate) fn verdict(
         &mut self,
         findings: &[Finding],
-        error: Option<String>,
+        error: Option<&RunError>,
         references: &[Compared],
         end: Option<Time>,
     ) -> Verdict {
@@ -176,14 +177,10 @@ impl Judge {
         // an error that goes on makes the filter contradict healthy sensors too, later
         timely.sort_by_key(|explanation| explanation.time);
         report.reasons.extend(timely.into_iter().map(|f| found(f, driver)));
-        report.reasons.extend(error.map(|text| {
-            reason(
-                Criterion::Ended,
-                Severity::DoNotUse,
-                "run",
-                format!("it ended early: {text}"),
-                "",
-            )
+        report.reasons.extend(error.map(|error| {
+            let about = driver.filter(|_| error.is_of_the_input()).unwrap_or("run");
+            let text = format!("the run ended early: {error}");
+            reason(Criterion::Ended, Severity::DoNotUse, about, text, "")
         }));
         let explained = report.reasons.iter().any(names_the_fault);
         if !explained {

@@ -79,6 +79,14 @@ fn an_imu_whose_samples_are_late_is_named_where_those_of_the_dvl_seem_to_be_earl
     assert_eq!(dive(late), all("imu"));
 }
 
+/// A second without a sample is more than the run can bridge: it ends there, and its IMU is at fault.
+#[test]
+fn an_imu_whose_gap_ends_the_run_is_named() {
+    let gap =
+        "sensor.imu.simulation.faults=[{ type = \"dropout\", from = \"300 s\", to = \"301 s\" }]";
+    assert_eq!(dive(gap), all("imu"));
+}
+
 /// 0.3 s at 12 m/s are 3.6 m, 180 times the noise of the position.
 #[test]
 fn a_clock_that_steps_is_no_step_of_a_gyro_bias() {
