@@ -41,8 +41,8 @@ fn slim(message: LogMsg) -> RecordingStreamResult<LogMsg> {
         LogMsg::ArrowMsg(store, message) => {
             let mut chunk = Chunk::from_arrow_msg(&message)?.timeline_sliced(BLUEPRINT.into());
             let origin = ViewBlueprint::descriptor_space_origin().component;
-            let roots = chunk.iter_slices::<String>(origin).flatten();
-            if roots.map(|path| path.as_str() == "/").all(|root| root) {
+            let origins = chunk.iter_slices::<String>(origin);
+            if origins.flatten().all(|path| path.as_str() == "/") {
                 chunk = chunk.component_dropped(origin);
             }
             LogMsg::ArrowMsg(store, chunk.to_arrow_msg()?)

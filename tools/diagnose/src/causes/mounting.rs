@@ -69,8 +69,7 @@ fn vector(up: [f64; 3], yaw: f64) -> Option<[f64; 3]> {
     let turned = [c * w, c * x - s * y, c * y + s * x, s * w];
     let length = turned.iter().map(|q| q * q).sum::<f64>().sqrt();
     let angle = 2.0 * (turned[0].abs() / length).acos();
-    let wide = !(angle.to_degrees() < LARGEST);
-    (!wide).then(|| [1, 2, 3].map(|k| 2.0 * turned[k] / turned[0]))
+    (angle.to_degrees() < LARGEST).then(|| [1, 2, 3].map(|k| 2.0 * turned[k] / turned[0]))
 }
 
 #[cfg(test)]
