@@ -125,6 +125,11 @@ impl Composition {
         self.processes.iter().flat_map(|process| &process.second_order)
     }
 
+    /// Index of the sensor that drives a process.
+    pub(crate) fn driver(&self) -> Option<usize> {
+        self.processes.iter().find_map(|process| process.input)
+    }
+
     /// Index of the sensor with a name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)

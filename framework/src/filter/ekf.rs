@@ -62,7 +62,7 @@ impl Ekf {
             parts.propagation.take_every_step();
         }
         Self {
-            driver: composition.processes.iter().find_map(|p| p.input),
+            driver: composition.driver(),
             considered: layout.considered(),
             work: Work::new(&composition),
             stepper: Stepper::new(&composition, method),

@@ -40,7 +40,7 @@ impl Riding {
             poses: vec![VecDeque::new(); rides.len()],
             rides,
             kept: late + gap + gap,
-            driver: composition.processes.iter().find_map(|p| p.input),
+            driver: composition.driver(),
             waiting: VecDeque::new(),
             ready: VecDeque::new(),
         })

@@ -113,7 +113,7 @@ impl Timeline {
             window: late.iter().flatten().copied().max()?,
             late,
             references: sensors.iter().map(|s| matches!(s.role, Role::Reference(_))).collect(),
-            driver: composition.processes.iter().find_map(|p| p.input),
+            driver: composition.driver(),
             now: None,
             samples: VecDeque::new(),
             closed: false,

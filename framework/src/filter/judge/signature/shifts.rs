@@ -136,7 +136,7 @@ impl Shifts {
         let single = (shared..axes.len()).map(|axis| axis..axis + 1);
         let groups =
             std::iter::once(0..shared).filter(|all| !all.is_empty()).chain(single).collect();
-        let driver = composition.processes.iter().find_map(|process| process.input);
+        let driver = composition.driver();
         let slow = axes.iter().filter(|axis| Some(axis.sensor) == driver);
         axes.extend(slow.map(|axis| Shift { patient: true, ..*axis }).collect::<Vec<_>>());
         let biases = axes.iter().take_while(|axis| Some(axis.sensor) == driver).count();

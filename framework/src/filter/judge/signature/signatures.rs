@@ -122,7 +122,7 @@ impl Signatures {
             spread: vec![Spread::default(); composition.sensors.len()],
             culprit: None,
             recovered: false,
-            driver: composition.processes.iter().find_map(|process| process.input),
+            driver: composition.driver(),
         })
     }
 
@@ -327,12 +327,12 @@ impl Signatures {
     ) -> bool {
         let time = state.time;
         let Self { offsets, shifts, parameters, containment, culprit, driver, .. } = self;
-        let known = |parameters, culprit| Known { parameters, culprit, driver: *driver };
         let before = *culprit;
+        let known = Known { parameters, culprit: before, driver: *driver };
         containment.begin(time);
         if let Some(shifts) = shifts {
             let states = (&mut *covariance, considered);
-            let rival = |sensor| of_a_shift((sensor, false), offsets, known(parameters, before));
+            let rival = |sensor| of_a_shift((sensor, false), offsets, known);
             if let Some(step) = shifts.corrected(time, states, containment, rival) {
                 let mut finding =
                     shifts.finding(&step, sensor(shifts.sensor(&step)), (layout, state));
@@ -346,8 +346,7 @@ impl Signatures {
             }
         }
         let of_index = (index, Refuses::None);
-        let known_now = known(parameters, before);
-        let (offset, rival) = of_an_offset(of_index, offsets, shifts.as_ref(), known_now);
+        let (offset, rival) = of_an_offset(of_index, offsets, shifts.as_ref(), known);
         let states = (&mut *covariance, considered);
         let found = offset.and_then(|offset| offset.corrected(state, states, containment, rival));
         if let Some(found) = found {
