@@ -2,15 +2,19 @@
 //! points, and in rows of a bounded length. A file without line ends, or with a quotation mark that is
 //! never closed, would otherwise fill the memory with one row.
 
+use crate::beside;
 use crate::folder::{Folder, is_folder};
-use crate::labelled::{self, Labelled};
+use crate::labelled::Labelled;
 use crate::lines::{Backwards, Change, Lines};
+use crate::records::of_all_forms;
+use crate::text::text;
+use crate::transposed::Columns;
 use crate::utf16::{self, Utf16};
-use crate::whole::Whole;
+use crate::whole::{LARGEST, Whole};
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
@@ -37,6 +41,10 @@ pub struct Form {
     pub until: Option<u64>,
     /// Headings of rows that name their values.
     pub labels: Option<Vec<String>>,
+    /// Arrays whose elements are rows each.
+    pub each: Vec<String>,
+    /// Files whose columns stand beside those of the file.
+    pub beside: Vec<PathBuf>,
     /// The mark that ends the stamp before each line, and the separator of the cells.
     pub stamps: Option<(String, char)>,
     /// Widths of columns without a separator.
@@ -69,6 +77,13 @@ impl Bounded {
     /// # Errors
     /// When it cannot be read.
     pub fn open(path: &Path, buffer: usize, form: Form) -> io::Result<Self> {
+        if !form.beside.is_empty() {
+            let paths: Vec<PathBuf> =
+                std::iter::once(path.to_owned()).chain(form.beside.iter().cloned()).collect();
+            let columns = Columns::new(beside::read(&texts(&paths, LARGEST)?));
+            let rows = Labelled::of_columns(columns, form.labels.clone().unwrap_or_default());
+            return Self::new(rows, true, buffer, Form { labels: None, ..form });
+        }
         match is_folder(path) {
             true => Self::new(Folder::open(path)?, true, buffer, form),
             false => Self::file(input::open(path)?, buffer, form),
@@ -108,7 +123,7 @@ impl Bounded {
         let changes = form.joined || form.labels.is_some() || lines;
         let changed = changed || decoded || changes;
         let file: Box<dyn Read + Send> = match (form.labels.clone(), form.stamps.clone()) {
-            (Some(headings), _) => Box::new(Labelled::new(file, headings)),
+            (Some(headings), _) => Box::new(Labelled::new(file, headings, form.each.clone())),
             (None, Some((mark, delimiter))) => {
                 Box::new(Lines::new(file, Change::Stamp(mark, delimiter)))
             }
@@ -217,6 +232,32 @@ pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// The names and the texts of files, of each at most this many bytes.
+fn texts(paths: &[PathBuf], each: u64) -> io::Result<Vec<(String, String)>> {
+    let (mut texts, mut left) = (Vec::new(), LARGEST);
+    for path in paths {
+        let mut bytes = Vec::new();
+        let file = Unbounded(Bounded::open(path, BUFFER, Form::default())?);
+        file.take(each.min(left + 1)).read_to_end(&mut bytes)?;
+        left = left.checked_sub(bytes.len() as u64).ok_or_else(|| {
+            let text =
+                format!("files whose columns stand beside each other may have {LARGEST} bytes");
+            io::Error::new(ErrorKind::InvalidData, text)
+        })?;
+        let stem = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        texts.push((stem, text(&bytes).into_owned()));
+    }
+    Ok(texts)
+}
+
+/// The first rows of files whose columns stand beside each other, as objects of JSON in at most this many bytes.
+///
+/// # Errors
+/// When a file cannot be read.
+pub fn beginning_of_files(paths: &[PathBuf], most: usize) -> io::Result<String> {
+    Ok(Columns::new(beside::read(&texts(paths, most as u64)?)).beginning(most))
+}
+
 /// The first records of each form of a file of JSON with objects, in at most this many bytes.
 ///
 /// # Errors
@@ -229,7 +270,7 @@ pub fn records_of_all_forms(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         return beginning(path, most);
     }
     let most = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    labelled::of_all_forms(io::Cursor::new(bytes).chain(Unbounded(file)), most)
+    of_all_forms(io::Cursor::new(bytes).chain(Unbounded(file)), most)
 }
 
 /// A file that has no rows, of any length.

@@ -58,10 +58,7 @@ impl ChannelCell {
         if cell(0).is_empty() {
             return None;
         }
-        let parsed = |text: &[u8]| -> f64 {
-            let text = std::str::from_utf8(text).ok();
-            text.and_then(number).unwrap_or(f64::NAN)
-        };
+        let parsed = |text: &[u8]| -> f64 { number(&crate::text::text(text)).unwrap_or(f64::NAN) };
         let value = |k: usize| parsed(cell(k));
         if self.missing.contains(&value(0)) {
             return None;
@@ -132,7 +129,7 @@ fn degrees(cells: &[&[u8]]) -> Option<f64> {
     let mut parts = [0.0; 3];
     let (mut count, mut negative) = (0, false);
     for cell in cells {
-        let text = std::str::from_utf8(cell.get(..LONGEST).unwrap_or(cell)).ok()?;
+        let text = crate::text::text(cell.get(..LONGEST).unwrap_or(cell));
         negative |= text.starts_with('-') || text.contains(['S', 'W', 's', 'w']);
         let number = |c: char| c.is_ascii_digit() || c == '.';
         for part in text.split(|c| !number(c)).filter(|part| !part.is_empty()) {
@@ -146,7 +143,8 @@ fn degrees(cells: &[&[u8]]) -> Option<f64> {
         [degrees, minutes, seconds] =
             [(degrees / 1e4).trunc(), (degrees / 100.0).trunc() % 100.0, degrees % 100.0];
     }
-    let valid = count > 0 && minutes < 60.0 && seconds < 60.0;
+    // a program that rounds seconds writes 60
+    let valid = count > 0 && minutes <= 60.0 && seconds <= 60.0;
     let sign = if negative { -1.0 } else { 1.0 };
     valid.then_some(sign * (degrees + (minutes + seconds / 60.0) / 60.0))
 }
@@ -200,8 +198,10 @@ pub fn channel_cells(
         let (column, unit) =
             (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
         let key = format!("files.{sensor}.columns.{}", c.name);
-        let others: Vec<&str> =
-            std::iter::once("time").chain(names().filter(|n| *n != &*c.name)).collect();
+        let mapped = config.columns.iter().filter(|(name, _)| **name != *c.name);
+        let mapped = mapped.filter_map(|(_, other)| other.0.column.as_deref());
+        let others = std::iter::once("time").chain(names().filter(|n| *n != &*c.name));
+        let others: Vec<&str> = others.chain(mapped).collect();
         let (name, si) = (&*c.name, &*c.unit.suffix());
         let pressure = given.and_then(|g| water(name, g));
         let si = if pressure.is_some() { "Pa" } else { si };
@@ -330,8 +330,14 @@ mod tests {
             let found = degrees(cells).unwrap_or(f64::NAN);
             assert!((found + 48.11).abs() < 1e-12, "{cells:?}: {found}");
         }
-        // minutes and seconds are below 60
-        for cells in [b"486036".as_slice(), b"480661", b"48 61"] {
+        for (cells, expected) in
+            [(&b"48\xb006'60.0\"N"[..], 48.0 + 7.0 / 60.0), (b"47 59 60.00", 48.0)]
+        {
+            let found = degrees(&[cells]).unwrap_or(f64::NAN);
+            assert!((found - expected).abs() < 1e-12, "{found}");
+        }
+        // minutes and seconds are 60 at most
+        for cells in [b"486136".as_slice(), b"480661", b"48 61"] {
             assert_eq!(degrees(&[cells]), None);
         }
     }

@@ -1,5 +1,6 @@
 //! The parameters of the source.
 
+pub use crate::delimiter::Delimiter;
 use navfuse_core::units::{
     Angle, Date, Density, Duration, Length, Pressure, Ratio, Triple, Unit, parse_unit,
 };
@@ -41,6 +42,10 @@ pub struct FileConfig {
     /// Files of the same form that go on where the one before ends, for a recording that was split by
     /// time. Default: none.
     pub then: Vec<PathBuf>,
+    /// Files whose columns stand beside those of the file in the rows of its times, such as a file for each channel. A
+    /// heading is the title of a column that stands alone in its file, or `FILE.TITLE`; it needs `labels` and `headings`.
+    /// Memory holds the files, of at most 256 MiB. Default: none.
+    pub beside: Vec<PathBuf>,
     /// Roll, pitch and yaw of the sensor's axes in the vehicle's, both forward, right, down. Every three
     /// channels along `x`, `y` and `z` are turned by it. Default: zero.
     pub rotation: Option<Triple<Angle>>,
@@ -68,6 +73,9 @@ pub struct FileConfig {
     /// such as `t=0.01 gx: 0.2`, points of GPX, TCX and KML, one value in each row, matrices and tables of HTML. The heading of a value is its path, as `gyro.x` or `gyro.0`; `stamp`
     /// and `kind` are what precedes the names of a line. It needs `headings`. Default: false.
     pub labels: bool,
+    /// Arrays of JSON whose elements are samples each, such as `["samples"]`: a value `samples.0.gx` is then `samples.gx` of
+    /// the first row, beside the other values of the object. Default: none.
+    pub each: Vec<String>,
     /// Text behind the stamp that a terminal program wrote before each line, such as `->` of the Arduino IDE, or `]`: the
     /// stamp is then the first cell of the line. Default: none.
     pub stamps: Option<String>,
@@ -102,6 +110,7 @@ impl Default for FileConfig {
         Self {
             path: None,
             then: Vec::new(),
+            beside: Vec::new(),
             rotation: None,
             time: Named::default(),
             columns: BTreeMap::new(),
@@ -112,6 +121,7 @@ impl Default for FileConfig {
             until: None,
             vectors: BTreeMap::new(),
             labels: false,
+            each: Vec::new(),
             stamps: None,
             widths: Vec::new(),
             backwards: false,
@@ -420,44 +430,6 @@ impl JsonSchema for UnitName {
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({ "type": "string", "examples": ["cm/s"] })
-    }
-}
-
-/// The separator of the cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Delimiter {
-    /// One ASCII character.
-    Byte(u8),
-    /// Any number of spaces and tabs.
-    Whitespace,
-}
-
-impl Default for Delimiter {
-    fn default() -> Self {
-        Self::Byte(b',')
-    }
-}
-
-impl Delimiter {
-    /// The character between two cells, after spaces and tabs were joined.
-    pub fn byte(self) -> u8 {
-        match self {
-            Self::Byte(byte) => byte,
-            Self::Whitespace => b' ',
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Delimiter {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(deserializer)?;
-        match text.as_bytes() {
-            b"whitespace" => Ok(Self::Whitespace),
-            [byte] if byte.is_ascii() && !b"\"\r\n".contains(byte) => Ok(Self::Byte(*byte)),
-            _ => Err(Error::custom(
-                "one character is needed, such as \";\" or \"\\t\", or \"whitespace\"",
-            )),
-        }
     }
 }
 

@@ -19,7 +19,7 @@ pub struct Wanted<'a> {
     pub unit: Option<Unit>,
     /// Key of the source that gives heading and unit: `files.dvl.columns.vel_x`.
     pub key: &'a str,
-    /// Names of the other channels of the sensor; their columns are not suggested.
+    /// Names of the other channels of the sensor, and the columns that they have; these are not suggested.
     pub others: &'a [&'a str],
 }
 
@@ -141,8 +141,9 @@ impl Wanted<'_> {
 
     /// The heading that is most like a missing one, unless it belongs to another channel.
     fn near<'a>(&self, heading: &str, headings: &'a [String]) -> Option<&'a str> {
-        let named =
-            |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
+        let named = |h: &str, name: &str| {
+            h.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+        };
         let free = |h: &&str| !self.others.iter().any(|other| named(h, other));
         did_you_mean(heading, headings.iter().map(String::as_str).filter(free))
     }

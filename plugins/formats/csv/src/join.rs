@@ -1,21 +1,20 @@
 //! Two files of one sensor: the channels of the second are interpolated to the times of the first.
 
-use crate::config::FileConfig;
-use crate::stream::Stream;
+use crate::cells::ChannelCell;
+use crate::sequence::Files;
 use navfuse_core::model::record::Event;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
-use std::path::Path;
 
 /// Longest interval of the second file that is interpolated, in nanoseconds.
 const LONGEST: i64 = 500_000_000;
 
 /// The samples of two files.
 pub struct Joined {
-    first: Stream,
-    second: Stream,
+    first: Files,
+    second: Files,
     /// The samples of the second file around the time of the first.
     around: [Option<Sample>; 2],
     /// Number of samples of the first file without one of the second on each side.
@@ -23,18 +22,12 @@ pub struct Joined {
 }
 
 impl Joined {
-    /// Opens the two files of a sensor.
+    /// Joins the files of a sensor.
     ///
     /// # Errors
-    /// When a file cannot be read, or a channel has a column in both of them or in none.
-    pub fn open(
-        paths: [&Path; 2],
-        configs: [&FileConfig; 2],
-        (sensor, info): (SensorId, &SensorInfo),
-    ) -> Result<Self, StreamError> {
-        let first = Stream::open(paths[0], configs[0], (sensor, info), true)?;
-        let second = Stream::open(paths[1], configs[1], (sensor, info), true)?;
-        let has = |stream: &Stream, k: usize| stream.channels.iter().any(|c| c.channel == k);
+    /// When a channel has a column in both of them or in none.
+    pub fn new([first, second]: [Files; 2], info: &SensorInfo) -> Result<Self, StreamError> {
+        let has = |files: &Files, k: usize| channels(files).iter().any(|c| c.channel == k);
         for (k, channel) in info.channels.iter().enumerate() {
             let fault = match (has(&first, k), has(&second, k)) {
                 (true, true) => "stands in both files",
@@ -42,7 +35,11 @@ impl Joined {
                 _ => continue,
             };
             let text = format!("the channel {} {fault}", channel.name);
-            return Err(StreamError::format(text).in_file(paths[1]).of_sensor(&info.name));
+            let error = StreamError::format(text).of_sensor(&info.name);
+            return Err(match second.first() {
+                Some(file) => error.in_file(&file.path),
+                None => error,
+            });
         }
         Ok(Self { first, second, around: [None, None], alone: 0 })
     }
@@ -64,6 +61,11 @@ impl Joined {
     }
 }
 
+/// The channels that files have.
+fn channels(files: &Files) -> &[ChannelCell] {
+    files.first().map_or(&[], |file| &file.channels)
+}
+
 /// Adds the channels of the second file to a sample, on the line between two samples.
 fn add(sample: &mut Sample, [before, after]: &[Sample; 2], channels: impl Iterator<Item = usize>) {
     let whole = (after.time - before.time).nanos() as f64;
@@ -81,7 +83,7 @@ impl Source for Joined {
         while self.first.next(sample)? {
             match self.around(sample.time)? {
                 Some(both) => {
-                    add(sample, &both, self.second.channels.iter().map(|c| c.channel));
+                    add(sample, &both, channels(&self.second).iter().map(|c| c.channel));
                     return Ok(true);
                 }
                 None => self.alone += 1,
@@ -100,7 +102,9 @@ impl Source for Joined {
 
     fn warning(&mut self) -> Option<String> {
         let alone = (self.alone > 0).then(|| {
-            let (first, second) = (self.first.path.display(), self.second.path.display());
+            let path = |files: &Files| files.first().map(|file| file.path.display().to_string());
+            let [first, second] =
+                [&self.first, &self.second].map(|files| path(files).unwrap_or_default());
             format!("{first}: {} rows without one of {second} on each side", self.alone)
         });
         let texts = [self.first.warning(), self.second.warning(), alone];

@@ -1,230 +1,117 @@
 //! Rows that name their values, as rows of a table: objects of JSON, one after another or in an
 //! array, lines such as `t=0.01 gx: 0.2`, YAML, and points of GPX, TCX and KML.
 
-use crate::line::line;
-use crate::object::object;
-use crate::paths::bounded;
+use crate::elements::{Rows, element};
 use crate::pieces::{Joined, Pieces};
-use crate::protobuf;
+use crate::records::{Form, Records};
 use crate::transposed::Columns;
-use crate::whole::Whole;
-use crate::wrapped;
-use crate::xml;
-use crate::yaml;
-use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Chain, Cursor, Read, Result};
+use std::io::{Read, Result};
 
-/// Bytes by which the form is found.
-const BEGINNING: u64 = 16 * 1024;
-/// Number of records of each form by which a file is recognised, and of forms.
-const EACH: usize = 4000;
-const FORMS: usize = 100;
-/// The form of the records.
-enum Form {
-    /// Objects of JSON, and lines.
-    Plain,
-    /// Objects in an array that an object of JSON has.
-    Wrapped(wrapped::Array),
-    /// Columns of a text that is read as a whole, with the first record.
-    Columns(Whole, Option<Columns>),
-    Yaml(yaml::Parts),
-    Xml(xml::Points),
-    Protobuf,
-}
-
-/// The records of a file: objects, lines, parts of YAML, or points of XML.
-struct Records<R> {
-    file: BufReader<Chain<Cursor<Vec<u8>>, R>>,
-    record: Vec<u8>,
-    form: Form,
-}
-
-impl<R: Read> Records<R> {
-    fn new(mut file: R) -> Self {
-        let mut beginning = Vec::new();
-        // a file that cannot be read fails again at the first record
-        let _ = (&mut file).take(BEGINNING).read_to_end(&mut beginning);
-        let text = String::from_utf8_lossy(&beginning);
-        let xml = || xml::Points::of(&text).map(Form::Xml);
-        let wrapped = || wrapped::Array::of(&text).map(Form::Wrapped);
-        let columns = || Whole::of(&text).map(|whole| Form::Columns(whole, None));
-        let protobuf = || protobuf::begins(&text).then_some(Form::Protobuf);
-        let form = columns().or_else(protobuf).or_else(|| yaml::Parts::of(&text).map(Form::Yaml));
-        let form = form.or_else(xml).or_else(wrapped);
-        let form = form.unwrap_or(Form::Plain);
-        let file = BufReader::new(Cursor::new(beginning).chain(file));
-        Self { file, record: Vec::new(), form }
-    }
-
-    /// Reads the next record; `false` at the end.
-    fn advance(&mut self) -> Result<bool> {
-        match &mut self.form {
-            Form::Yaml(parts) => parts.next(&mut self.file, &mut self.record),
-            Form::Xml(points) => points.next(&mut self.file, &mut self.record),
-            Form::Wrapped(array) => {
-                let inside = array.enter(&mut self.file)?;
-                Ok(inside && next(&mut self.file, &mut self.record)? && self.record[0] == b'{')
-            }
-            Form::Columns(whole, columns) => {
-                if columns.is_none() {
-                    *columns = Some(whole.read(&mut self.file)?);
-                }
-                Ok(columns.as_mut().is_some_and(Columns::advance))
-            }
-            Form::Protobuf => protobuf::next(&mut self.file, &mut self.record),
-            Form::Plain => next(&mut self.file, &mut self.record),
-        }
-    }
-
-    /// Calls `found` with the path and the text of each value of the record.
-    fn values(&self, found: impl FnMut(&str, &str)) {
-        if let Form::Columns(_, columns) = &self.form {
-            if let Some(columns) = columns {
-                columns.values(found);
-            }
-            return;
-        }
-        let record = String::from_utf8_lossy(&self.record);
-        match &self.form {
-            Form::Yaml(_) => yaml::values(&record, found),
-            Form::Xml(_) => xml::values(&record, found),
-            Form::Protobuf => protobuf::values(&record, found),
-            _ if record.starts_with('{') => object(&record, found),
-            _ => line(&record, found),
-        }
-    }
-}
-
-/// Reads the next record: an object, or a line; `false` at the end.
-fn next(file: &mut impl BufRead, record: &mut Vec<u8>) -> Result<bool> {
-    record.clear();
-    let (mut depth, mut quoted, mut escaped) = (0_usize, false, false);
-    loop {
-        let bytes = file.fill_buf()?;
-        let mut used = 0;
-        let mut whole = bytes.is_empty();
-        for byte in bytes {
-            used += 1;
-            if record.is_empty()
-                && matches!(byte, b'[' | b']' | b',' | b' ' | b'\r' | b'\n' | b'\t')
-            {
-                continue;
-            }
-            let json = record.first().unwrap_or(byte) == &b'{';
-            if json {
-                match byte {
-                    b'"' if !escaped => quoted = !quoted,
-                    b'{' if !quoted => depth += 1,
-                    b'}' if !quoted => depth = depth.saturating_sub(1),
-                    _ => {}
-                }
-                escaped = *byte == b'\\' && !escaped;
-            }
-            whole = if json { depth == 0 } else { *byte == b'\n' };
-            record.push(*byte);
-            if whole {
-                break;
-            }
-        }
-        file.consume(used);
-        if whole {
-            return Ok(!record.is_empty());
-        }
-        bounded(record.len())?;
-    }
-}
-
-/// The records at the beginning of a text, each with the paths and the texts of its values; empty
-/// where more than `most` of them have less than `least` values.
-#[must_use]
-pub fn records(text: &str, least: usize, most: usize) -> Vec<Vec<(String, String)>> {
-    let (mut file, mut records) = (Records::new(text.as_bytes()), Vec::new());
-    let mut short = 0;
-    while let Ok(true) = file.advance() {
-        let mut row = Vec::new();
-        file.values(|name, value| row.push((name.to_owned(), value.to_owned())));
-        short += usize::from(row.len() < least);
-        if short > most {
-            return Vec::new();
-        }
-        records.push(row);
-    }
-    // the last one may be cut off
-    if records.len() > 1 {
-        records.pop();
-    }
-    records
-}
-
-/// The first records of JSON of each form, which their paths make, in at most so many bytes: the records of a second array
-/// may begin anywhere.
-///
-/// # Errors
-/// When the file cannot be read.
-pub fn of_all_forms(file: impl Read, most: usize) -> Result<Vec<u8>> {
-    let (mut file, mut text) = (Records::new(file), Vec::new());
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    while file.advance()? {
-        let mut form = String::new();
-        file.values(|name, _| form.extend([name, "\n"]));
-        let known = counts.contains_key(&form) || counts.len() < FORMS;
-        let count = counts.entry(if known { form } else { String::new() }).or_default();
-        *count += 1;
-        if *count <= EACH && text.len() + file.record.len() < most {
-            text.extend(file.record.iter().map(|b| if *b == b'\n' { b' ' } else { *b }));
-            text.push(b'\n');
-        }
-    }
-    Ok(text)
-}
+/// The element of an array that a value belongs to, and the place of its heading.
+type Place = (Option<usize>, usize);
 
 /// The records of a file as rows of a table, with a cell for each heading.
 pub struct Labelled {
     file: Records<Box<dyn Read + Send>>,
     headings: Vec<String>,
-    cells: Vec<String>,
+    rows: Rows,
+    /// Arrays whose elements are rows each.
+    each: Vec<String>,
+    /// The paths of the last record in their order, with their elements and the places of their headings.
+    places: Vec<(String, Option<Place>)>,
 }
 
 impl Labelled {
     /// The rows of a file, in the order of the headings.
-    pub(crate) fn new(file: Box<dyn Read + Send>, headings: Vec<String>) -> Joined<Self> {
-        let cells = vec![String::new(); headings.len()];
-        Joined::new(Self { file: Records::new(file), headings, cells })
+    pub(crate) fn new(
+        file: Box<dyn Read + Send>,
+        headings: Vec<String>,
+        each: Vec<String>,
+    ) -> Joined<Self> {
+        Self::of(Records::new(file), headings, each)
+    }
+
+    /// The rows of columns that were read.
+    pub(crate) fn of_columns(columns: Columns, headings: Vec<String>) -> Joined<Self> {
+        let nothing: Box<dyn Read + Send> = Box::new(std::io::empty());
+        Self::of(Records::of(columns, nothing), headings, Vec::new())
+    }
+
+    fn of(
+        file: Records<Box<dyn Read + Send>>,
+        headings: Vec<String>,
+        each: Vec<String>,
+    ) -> Joined<Self> {
+        let (rows, places) = (Rows::default(), Vec::new());
+        Joined::new(Self { file, headings, rows, each, places })
+    }
+
+    /// Fills the rows of the record.
+    fn fill(&mut self) {
+        let Self { file, headings, rows, each, places } = self;
+        rows.begin(headings.len());
+        let find = |path: &str| {
+            let element = element(each, path);
+            let (element, heading) = match &element {
+                Some((element, heading)) => (Some(*element), heading.as_str()),
+                None => (None, path),
+            };
+            Some((element, headings.iter().position(|h| h == heading)?))
+        };
+        let mut at = 0;
+        file.values(|path, value| {
+            // most records have the paths of the one before
+            if places.get(at).is_none_or(|(known, _)| known != path) {
+                places.truncate(at);
+                places.push((path.to_owned(), find(path)));
+            }
+            let place = places[at].1;
+            at += 1;
+            let cell = place.and_then(|(element, column)| rows.cell(element, column));
+            let Some(cell) = cell.filter(|c| c.is_empty()) else { return };
+            let odd = |b: u8| b < b' ' || matches!(b, b',' | b'"' | 0x7f..);
+            let plain = |c: char| if c.is_control() || [',', '"'].contains(&c) { ' ' } else { c };
+            match value.bytes().any(odd) {
+                false => cell.push_str(value),
+                true => cell.extend(value.chars().map(plain)),
+            }
+        });
     }
 }
 
 impl Pieces for Labelled {
     fn next(&mut self, row: &mut Vec<u8>) -> Result<bool> {
-        if !self.file.advance()? {
-            return Ok(false);
-        }
-        self.cells.iter_mut().for_each(String::clear);
-        let (headings, cells) = (&self.headings, &mut self.cells);
-        self.file.values(|name, value| {
-            let heading = headings.iter().position(|heading| heading == name);
-            let cell = heading.and_then(|k| cells.get_mut(k)).filter(|c| c.is_empty());
-            let plain = |c: char| if c.is_control() || [',', '"'].contains(&c) { ' ' } else { c };
-            cell.into_iter().for_each(|cell| cell.extend(value.chars().map(plain)));
-        });
         // protobuf leaves out what is zero
-        if matches!(self.file.form, Form::Protobuf) {
-            self.cells.iter_mut().filter(|c| c.is_empty()).for_each(|cell| cell.push('0'));
+        let absent = if matches!(self.file.form, Form::Protobuf) { "0" } else { "" };
+        loop {
+            if let Some(cells) = self.rows.next() {
+                for cell in cells {
+                    row.extend_from_slice(if cell.is_empty() { absent } else { cell }.as_bytes());
+                    row.push(b',');
+                }
+                row.pop();
+                row.push(b'\n');
+                return Ok(true);
+            }
+            if !self.file.advance()? {
+                return Ok(false);
+            }
+            self.fill();
         }
-        row.extend_from_slice(self.cells.join(",").as_bytes());
-        row.push(b'\n');
-        Ok(true)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::records::records;
     use proptest::prelude::*;
 
     fn table(text: &'static str, headings: &[&str]) -> String {
         let mut rows = String::new();
         let headings = headings.iter().map(|h| (*h).to_owned()).collect();
-        let read = Labelled::new(Box::new(text.as_bytes()), headings).read_to_string(&mut rows);
+        let read = Labelled::new(Box::new(text.as_bytes()), headings, Vec::new())
+            .read_to_string(&mut rows);
         assert!(read.is_ok());
         rows
     }
@@ -250,6 +137,19 @@ mod tests {
         let lines =
             "{\"t\": 1, \"p\": [{\"x\": 2}, {\"x\": 4}]}\n{\"t\": 2, \"p\": [{\"x\": 3}]}\n";
         assert_eq!(table(lines, &["t", "p.0.x"]), "1,2\n2,3\n");
+    }
+
+    #[test]
+    fn elements_of_an_array_are_rows_beside_the_other_values_of_their_object() {
+        let text = "{\"t\": 1, \"n\": 2, \"s\": [[5, 6], [7, 8]], \"a\": [{\"x\": 1}, {\"x\": 2}]}\n{\"t\": 2, \"s\": []}\n\
+                    {\"t\": 3, \"s\": [[9, 1]]}\n";
+        let headings = ["t", "s.0", "s.1", "a.x"].map(str::to_owned).to_vec();
+        let each = ["s", "a"].map(str::to_owned).to_vec();
+        let mut rows = String::new();
+        let read =
+            Labelled::new(Box::new(text.as_bytes()), headings, each).read_to_string(&mut rows);
+        assert!(read.is_ok());
+        assert_eq!(rows, "1,5,6,1\n1,7,8,2\n2,,,\n3,9,1,\n");
     }
 
     #[test]

@@ -12,13 +12,17 @@
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
 //! see [`sink`].
 
+mod beside;
 mod bounded;
+mod cdl;
 mod cells;
 mod columns;
 pub mod config;
 mod coordinates;
 mod counter;
 mod dates;
+mod delimiter;
+mod elements;
 mod folder;
 mod headings;
 mod html;
@@ -35,6 +39,7 @@ mod paths;
 mod pieces;
 mod pivot;
 mod protobuf;
+mod records;
 mod sequence;
 mod series;
 pub mod sink;
@@ -58,15 +63,17 @@ mod wrapped;
 mod xml;
 mod yaml;
 
-pub use bounded::{beginning, records_of_all_forms};
+pub use beside::has_one_value;
+pub use bounded::{beginning, beginning_of_files, records_of_all_forms};
 pub use columns::{Axes, EstimateColumns, ending};
 pub use config::Csv;
 pub use coordinates::coordinates;
 pub use dates::date;
+pub use elements::element;
 pub use folder::is_folder;
-pub use labelled::records;
 pub use lines::cut;
 pub use number::{is_absent, number};
+pub use records::records;
 pub use sink::CsvSink;
 pub use stamps::{as_cell, stamp};
 pub use suffixes::with_unit;

@@ -213,6 +213,15 @@ fn beginning(text: &str, found: &mut impl FnMut(&str, &str)) -> bool {
         false => (text, ""),
     };
     let stamp = stamp.trim().trim_end_matches(':');
+    // as `IMU 10 A: 0.1 0.2`
+    if let Some((first, rest)) = stamp.split_once(' ')
+        && first.starts_with(|c: char| c.is_ascii_alphabetic())
+        && number(rest.trim()).is_some()
+    {
+        found(KIND, first);
+        found(STAMP, rest.trim());
+        return true;
+    }
     // a stamp in brackets, beside the level of a message
     let digit = |part: &&str| part.starts_with(|c: char| c.is_ascii_digit());
     let groups = stamp.split(['[', ']', ',']).map(str::trim);

@@ -5,12 +5,29 @@ use crate::number::number;
 use crate::object::object;
 use crate::series::{Named, TIMES, UNITS, groups};
 use crate::transposed::Group;
+use std::borrow::Cow;
 
 /// Words for the column that names the value of a row, for that of its sensor, and for that of its value.
-const NAMES: [&str; 9] =
-    ["field", "signal", "variable", "channel", "name", "key", "parameter", "metric", "quantity"];
+const NAMES: [&str; 15] = [
+    "field",
+    "signal",
+    "variable",
+    "channel",
+    "name",
+    "key",
+    "parameter",
+    "metric",
+    "quantity",
+    "kanal",
+    "messgröße",
+    "canal",
+    "canale",
+    "kanaal",
+    "señal",
+];
 const SENSORS: [&str; 6] = ["sensor", "measurement", "topic", "device", "message", "group"];
-const VALUES: [&str; 3] = ["value", "reading", "val"];
+pub const VALUES: [&str; 9] =
+    ["value", "reading", "val", "wert", "messwert", "valeur", "valor", "valore", "waarde"];
 /// Lines within which the headings stand, and their length.
 const HEAD: usize = 20;
 const LONGEST: usize = 800;
@@ -21,7 +38,7 @@ const ROWS: f64 = 0.9;
 const NUMBERS: f64 = 0.5;
 
 /// The letters of a heading before its unit.
-fn word(heading: &str) -> String {
+pub fn word(heading: &str) -> String {
     let name = heading.split(['[', '(']).next().unwrap_or_default();
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
@@ -48,15 +65,23 @@ impl Roles {
 }
 
 /// The cells of a line, without quotation marks.
-fn cells(line: &str, separator: Option<char>) -> Vec<&str> {
+pub fn cells(line: &str, separator: Option<char>) -> Vec<&str> {
     match separator {
         Some(c) => line.split(c).map(|cell| cell.trim().trim_matches('"')).collect(),
         None => line.split_whitespace().collect(),
     }
 }
 
+/// A cell with a decimal point in place of a comma that separates no cells.
+pub fn point(cell: &str, separator: Option<char>) -> Cow<'_, str> {
+    match separator != Some(',') && cell.contains(',') {
+        true => cell.replace(',', ".").into(),
+        false => cell.into(),
+    }
+}
+
 /// The separator of a line.
-fn separator(line: &str) -> Option<char> {
+pub fn separator(line: &str) -> Option<char> {
     [';', '\t', ','].into_iter().find(|c| line.contains(*c))
 }
 
@@ -67,6 +92,8 @@ enum Lines {
     Table(Option<char>, Roles, String),
     /// A time, a name, perhaps who wrote it, and a value.
     Plain(Option<char>),
+    /// `>name:milliseconds:value`, as Teleplot has them, perhaps with a unit.
+    Marked,
     /// An object with the values at these paths.
     Objects([String; 3]),
 }
@@ -83,6 +110,16 @@ fn of_object(line: &str) -> Option<Vec<(String, String)>> {
         object(line, |path, value| values.push((path.to_owned(), value.to_owned())));
     }
     (!values.is_empty()).then_some(values)
+}
+
+/// A line of Teleplot: its time, its name, its value and its unit.
+fn marked(line: &str) -> Option<[&str; 4]> {
+    let mut parts = line.strip_prefix('>')?.splitn(3, ':');
+    let (name, time, rest) = (parts.next()?, parts.next()?, parts.next()?);
+    let value = rest.split('|').next().unwrap_or_default();
+    let (value, unit) = value.split_once('§').unwrap_or((value, ""));
+    number(time)?;
+    (number(value).is_some() && !name.is_empty()).then_some([time, name, value, unit])
 }
 
 /// A row of a table without headings: its time, its name and its value.
@@ -103,6 +140,9 @@ impl Lines {
             let of = |k: usize| paths[k].to_owned();
             let name = *roles.names.last()?;
             return Some(Self::Objects([of(roles.time), of(name), of(roles.value)]));
+        }
+        if marked(first).is_some() {
+            return Some(Self::Marked);
         }
         let titled = |line: &str| {
             let separator = separator(line)?;
@@ -142,6 +182,7 @@ impl Lines {
         match self {
             Self::Table(_, _, time) => time,
             Self::Plain(_) => "time",
+            Self::Marked => "time [ms]",
             Self::Objects([time, ..]) => time,
         }
     }
@@ -154,6 +195,12 @@ impl Lines {
                 let value = |path: &String| values.iter().find(|(p, _)| p == path).map(|(_, v)| v);
                 if let [Some(time), Some(name), Some(value)] = [0, 1, 2].map(|k| value(&paths[k])) {
                     found(time, name, value);
+                }
+            }
+            Self::Marked => {
+                if let Some([time, name, value, unit]) = marked(line) {
+                    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+                    found(time, &(name.to_owned() + &unit), value);
                 }
             }
             Self::Plain(separator) => {
@@ -173,7 +220,8 @@ impl Lines {
                 let unit = roles.unit.map(cell).filter(|unit| !unit.is_empty());
                 let unit = unit.map_or_else(String::new, |unit| format!(" [{unit}]"));
                 if names.iter().all(|name| !name.is_empty()) {
-                    found(cell(roles.time), &(names.join(".") + &unit), cell(roles.value));
+                    let value = point(cell(roles.value), *separator);
+                    found(cell(roles.time), &(names.join(".") + &unit), &value);
                 }
             }
         }

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 const NEAR: f64 = 0.25;
 const SHARE: f64 = 0.9;
 /// Words for the times of values, and for their unit.
-pub const TIMES: [&str; 13] = [
+pub const TIMES: [&str; 20] = [
     "timestamps",
     "timestamp",
     "times",
@@ -23,8 +23,15 @@ pub const TIMES: [&str; 13] = [
     "epoch",
     "utime",
     "clock",
+    "zeit",
+    "zeitstempel",
+    "uhrzeit",
+    "temps",
+    "tiempo",
+    "tempo",
+    "tijd",
 ];
-pub const UNITS: [&str; 2] = ["unit", "units"];
+pub const UNITS: [&str; 6] = ["unit", "units", "einheit", "unité", "unidad", "eenheid"];
 /// Least number of names that have times of their own.
 const SERIES: usize = 3;
 
@@ -121,7 +128,7 @@ pub struct Series {
 }
 
 /// The number of a time, or the seconds of a date.
-fn seconds(time: &str) -> Option<f64> {
+pub fn seconds(time: &str) -> Option<f64> {
     let date = || calendar::parse(time).map(|(nanos, _)| nanos as f64 * 1e-9);
     let clock = || {
         let clock = time.split([' ', 'T']).find(|part| part.contains(':'))?;

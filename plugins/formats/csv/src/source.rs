@@ -2,8 +2,8 @@
 
 use crate::config::{Csv, FileConfig};
 use crate::join::Joined;
-use crate::sequence::Sequence;
-use crate::stream::{Stream, absolute};
+use crate::sequence::Files;
+use crate::stream::absolute;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -30,7 +30,12 @@ impl SourceType for Csv {
         let mut streams: Vec<Box<dyn Source>> = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
             let given = self.files.get(&sensor.info.name);
-            let config = given.cloned().unwrap_or_default();
+            let located = |mut config: FileConfig| {
+                let others = config.beside.iter_mut().chain(&mut config.then);
+                others.for_each(|path| *path = folder.join(&*path));
+                config
+            };
+            let config = located(given.cloned().unwrap_or_default());
             let path = folder.join(
                 config.path.clone().unwrap_or_else(|| format!("{}.csv", sensor.info.name).into()),
             );
@@ -38,20 +43,13 @@ impl SourceType for Csv {
             if needed || (!named && path.exists()) {
                 let about = (SensorId(index), &sensor.info);
                 streams.push(match self.more.get(&sensor.info.name) {
-                    Some(more) if !(config.then.is_empty() && more.then.is_empty()) => {
-                        let name = &sensor.info.name;
-                        let text = format!("files.{name}.then goes without more.{name}");
-                        return Err(StreamError::scenario(text));
-                    }
-                    None if !config.then.is_empty() => {
-                        let then = config.then.iter().map(|path| folder.join(path));
-                        let paths = std::iter::once(path).chain(then).collect();
-                        Box::new(Sequence::open(paths, &config, about)?)
-                    }
                     Some(more) => {
-                        Box::new(Joined::open([&path, &second(more)?], [&config, more], about)?)
+                        let more = located(more.clone());
+                        let first = Files::open(path, &config, about, true)?;
+                        let second = Files::open(second(&more)?, &more, about, true)?;
+                        Box::new(Joined::new([first, second], &sensor.info)?)
                     }
-                    None => Box::new(Stream::open(&path, &config, about, false)?),
+                    None => Box::new(Files::open(path, &config, about, false)?),
                 });
             }
         }

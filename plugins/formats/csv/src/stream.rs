@@ -128,10 +128,16 @@ impl Stream {
             until: config.until,
             skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
             labels: config.labels.then(|| config.headings.clone()).flatten(),
+            each: config.each.clone(),
+            beside: config.beside.clone(),
             stamps: config.stamps.clone().map(|mark| (mark, char::from(config.delimiter.byte()))),
             widths: config.widths.clone(),
             backwards: config.backwards.then(|| config.skip + u64::from(config.headings.is_none())),
         };
+        if !config.beside.is_empty() && !config.labels {
+            let text = format!("files.{name}.beside needs labels = true, and headings");
+            return Err(StreamError::scenario(text));
+        }
         if config.labels && config.headings.is_none() {
             let text = format!("files.{name}.labels needs the names of the values: set headings");
             return Err(StreamError::scenario(text));
@@ -145,7 +151,7 @@ impl Stream {
         let mut record = ByteRecord::new();
         let headings = match &config.headings {
             Some(headings) => headings.clone(),
-            None => Self::headings(&mut reader, &mut record, path, config, info)?,
+            None => Self::read_headings(&mut reader, &mut record, path, config, info)?,
         };
         let vectors = Vectors::new(&headings, &config.vectors);
         let headings = spread(headings, &config.vectors);
@@ -186,8 +192,13 @@ impl Stream {
         Ok(stream)
     }
 
+    /// The headings of the columns.
+    pub fn headings(&self) -> &[String] {
+        &self.headings
+    }
+
     /// Reads the headings in the first line.
-    fn headings(
+    fn read_headings(
         reader: &mut Reader<Bounded>,
         record: &mut ByteRecord,
         path: &Path,

@@ -1,5 +1,6 @@
 //! Forms of text that are read as a whole, because the values of one row stand far from each other.
 
+use crate::cdl;
 use crate::html;
 use crate::keyed;
 use crate::matrices;
@@ -8,7 +9,7 @@ use crate::transposed::{self, Columns};
 use std::io::{Error, ErrorKind, Read, Result};
 
 /// Largest size of such a file in bytes: it takes twice as much memory.
-const LARGEST: u64 = 1 << 28;
+pub const LARGEST: u64 = 1 << 28;
 
 /// The form of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +26,8 @@ pub enum Whole {
     Lists,
     /// Tables of HTML.
     Html,
+    /// NetCDF as text.
+    Cdl,
 }
 
 impl Whole {
@@ -38,6 +41,7 @@ impl Whole {
             _ if pivot::begins(text) => Some(Self::Long),
             _ if matrices::begins(text) => Some(Self::Matrices),
             _ if html::begins(text) => Some(Self::Html),
+            _ if cdl::begins(text) => Some(Self::Cdl),
             _ => None,
         }
     }
@@ -63,6 +67,7 @@ impl Whole {
             Self::Matrices => Columns::new(matrices::read(&text)),
             Self::Lists => Columns::new(matrices::read_lists(&text)),
             Self::Html => Columns::new(html::read(&text)),
+            Self::Cdl => Columns::new(cdl::read(&text)),
         })
     }
 }

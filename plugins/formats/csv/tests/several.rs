@@ -32,16 +32,13 @@ fn files_that_follow_one_another_are_one_recording() {
 }
 
 #[test]
-fn a_file_of_the_same_time_is_another_device_and_more_is_another_form() {
+fn a_file_of_the_same_time_is_another_device() {
     let read = read_two("0.5,4,8,12\n4,5,10,15\n", "").unwrap();
     let error = read.error.unwrap();
     assert!(
         error.contains("two.csv: it begins at 0.500 s, before dvl.csv ends at 2.000 s"),
         "{error}"
     );
-    let more = "[source.csv.more.dvl]\npath = \"two.csv\"";
-    let error = read_two("3,4,8,12\n", more).unwrap_err();
-    assert!(error.contains("files.dvl.then goes without more.dvl"), "{error}");
 }
 
 #[test]
