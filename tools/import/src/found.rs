@@ -7,6 +7,13 @@ use crate::pressure::Pressure;
 /// The place of a point in a key, from which positions of a table count, until an answer gives it.
 pub const ORIGIN: &str = "{ORIGIN}";
 
+/// A point as the value of a key: latitude, longitude (deg) and height (m).
+pub fn point([latitude, longitude, height]: [f64; 3]) -> String {
+    format!(
+        "{{ latitude = \"{latitude} deg\", longitude = \"{longitude} deg\", height = \"{height} m\" }}"
+    )
+}
+
 /// A sensor that was found in a file.
 #[derive(Clone, Debug, Default)]
 pub struct Found {

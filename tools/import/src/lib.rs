@@ -9,6 +9,7 @@ mod aids;
 mod axes;
 mod bag;
 mod beams;
+mod beside;
 mod class;
 mod clocks;
 mod draft;

@@ -10,7 +10,7 @@ const SOLVE: &str = "compute its positions, such as with rnx2rtkp of RTKLIB, and
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 36] = [
+const LONG: [Mark; 39] = [
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
     (0, b"MATLAB 5.0 MAT-file", "a file of MATLAB (.mat)", TABLE),
@@ -34,6 +34,14 @@ const LONG: [Mark; 36] = [
     ),
     (0, b"SQLite format 3\0", "a database of SQLite", QUERY),
     (0, b"PRAGMA ", "a database of SQLite as commands (.dump)", QUERY),
+    (0, b"CREATE TABLE", "a database as commands of SQL", QUERY),
+    (0, b"INSERT INTO", "a database as commands of SQL", QUERY),
+    (
+        0,
+        b"FTP NEW",
+        "a raw file of HYPACK",
+        "export its devices as a table (CSV), one file for each",
+    ),
     (0, b"BEGIN TRANSACTION;", "a database as commands of SQL", QUERY),
     (0, b"-- MySQL dump", "a database as commands of SQL", QUERY),
     (0, b"--\n-- PostgreSQL", "a database as commands of SQL", QUERY),

@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Size in bytes of the beginning of a file by which it is recognised.
-const BEGINNING: u64 = 256 * 1024;
+pub const BEGINNING: u64 = 256 * 1024;
 /// Size in bytes of the beginning of a table by which its units are found.
-const TABLE: u64 = 4 * 1024 * 1024;
+pub const TABLE: u64 = 4 * 1024 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
 
@@ -112,8 +112,9 @@ pub struct Recording {
     pub velocity: Option<(Found, PathBuf)>,
     /// Definitions of the messages of LCM.
     definitions: Vec<lcm::Definitions>,
-    /// Gyros and accelerometers in files of their own.
+    /// Gyros and accelerometers in files of their own, and the files that go on with them.
     pub halves: [Option<(Found, PathBuf)>; 2],
+    pub halves_then: [Vec<([f64; 2], PathBuf)>; 2],
 }
 
 impl Recording {
@@ -129,19 +130,27 @@ impl Recording {
     ) -> Result<Option<Self>, StreamError> {
         let definitions = files.iter().filter_map(|file| lcm::definitions(file)).collect();
         let mut recording = Self { odometry, definitions, ..Self::default() };
-        for given in files.iter().filter(|file| lcm::definitions(file).is_none()) {
-            let inside = folder::files(given);
-            for file in inside.as_deref().unwrap_or(std::slice::from_ref(given)) {
-                match recording.add(file, stop) {
-                    Ok(true) => {}
-                    Ok(false) => return Ok(None),
-                    // nobody named it
-                    Err(error) if inside.is_some() => {
-                        recording.notes.push(format!("{error}{LEFT_OUT}"));
-                    }
-                    Err(error) => return Err(error),
-                }
+        let given = files.iter().filter(|file| lcm::definitions(file).is_none());
+        let given = given.flat_map(|given| match folder::files(given) {
+            Some(inside) => inside.into_iter().map(|file| (file, true)).collect(),
+            None => vec![(given.clone(), false)],
+        });
+        let given = recording.take_channels(given.collect())?;
+        let mut refused = Vec::new();
+        for (file, inside) in given {
+            match recording.add(&file, stop) {
+                Ok(true) => {}
+                Ok(false) => return Ok(None),
+                Err(error) => refused.push(((file, inside), error)),
             }
+        }
+        recording.take_refused(&mut refused)?;
+        for ((_, inside), error) in refused {
+            // nobody named a file of a folder
+            if !inside {
+                return Err(error);
+            }
+            recording.notes.push(format!("{error}{LEFT_OUT}"));
         }
         recording.use_odometry()?;
         recording.join_halves();
@@ -300,8 +309,10 @@ impl Recording {
             beside = table::inertial_kinds(&navfuse_csv::text(&bytes));
             (Reader::Nmea, found)
         } else {
-            let found = as_table(file, &bytes)?;
-            (Reader::Csv, found)
+            if self.goes_on_without_headings(file, &absolute)? {
+                return Ok(true);
+            }
+            (Reader::Csv, as_table(file, &bytes)?)
         };
         let kinds: Vec<&str> = found.iter().map(|found| found.kind).collect();
         let has = [&[kinds.join(", ")], &self.notes[noted..]].concat().join(": ");
@@ -339,7 +350,7 @@ impl Recording {
     }
 
     /// Adds a sensor of a file.
-    fn add_part(
+    pub fn add_part(
         &mut self,
         mut found: Found,
         reader: Reader,
@@ -349,6 +360,9 @@ impl Recording {
     ) -> Result<(), StreamError> {
         let half = ["gyros", "accels"].iter().position(|kind| *kind == found.kind);
         if let Some(k) = half {
+            if self.half_goes_on(k, &found, absolute) {
+                return Ok(());
+            }
             if let Some((_, other)) = &self.halves[k] {
                 let message = format!("it has the {}, as {} has", found.kind, other.display());
                 return Err(StreamError::format(message).in_file(file));

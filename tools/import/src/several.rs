@@ -1,8 +1,10 @@
 //! A sensor in several files: its channels in two of them, or its rows in one after another.
 
-use crate::found::{Found, ORIGIN};
-use crate::recording::{Part, Reader, Recording, is_reference};
+use crate::found::{Found, ORIGIN, point};
+use crate::recording::{Part, Reader, Recording, TABLE, is_reference};
 use crate::samples::Samples;
+use crate::table;
+use navfuse_core::document::quoted;
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
 
@@ -15,11 +17,7 @@ impl Recording {
         if let Some([.., height]) = position {
             self.settle_pressure(height);
         }
-        let point = position.map(|[latitude, longitude, height]| {
-            format!(
-                "{{ latitude = \"{latitude} deg\", longitude = \"{longitude} deg\", height = \"{height} m\" }}"
-            )
-        });
+        let point = position.map(point);
         for part in &mut self.parts {
             for key in part.found.source.iter_mut().filter(|key| key.contains(ORIGIN)) {
                 let Some(point) = &point else {
@@ -53,7 +51,12 @@ impl Recording {
 
     /// Makes one inertial unit of gyros and accelerometers in two files.
     pub fn join_halves(&mut self) {
-        if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) {
+        // rates and increments are two units
+        let alike = || {
+            let mut keys = self.halves.iter().flatten().map(|(found, _)| &found.sensor);
+            keys.next() == keys.next()
+        };
+        if self.part("imu").is_some() || self.halves.iter().any(Option::is_none) || !alike() {
             return;
         }
         let [Some((gyros, other)), Some((accels, file))] = std::mem::take(&mut self.halves) else {
@@ -65,10 +68,13 @@ impl Recording {
             "the rates of {} are interpolated to the times of the specific forces",
             other.display()
         ));
-        let more = Some((gyros.source, other));
         let (name, reader) = ("imu", Reader::Csv);
         let samples = Samples::default();
-        let then = Vec::new();
+        let [more, then] = std::mem::take(&mut self.halves_then);
+        let files: Vec<String> =
+            more.iter().map(|(_, file)| quoted(&file.display().to_string())).collect();
+        let list = (!files.is_empty()).then(|| format!("then = [{}]", files.join(", ")));
+        let more = Some((gyros.source.into_iter().chain(list).collect(), other));
         self.parts.push(Part { name, found, reader, file, lever_arm: None, more, then, samples });
     }
 
@@ -120,6 +126,67 @@ impl Recording {
         part.found.velocity = true;
         part.more = Some((velocity.source, file));
         Ok(())
+    }
+
+    /// Adds a file of gyros or accelerometers whose rows go on where those of the files before end; `false` for any other
+    /// file.
+    pub fn half_goes_on(&mut self, k: usize, found: &Found, file: &Path) -> bool {
+        let Some((first, _)) = &self.halves[k] else { return false };
+        let (Some(own), Some(span)) = (first.span, found.span) else { return false };
+        let last = self.halves_then[k].last().map_or(own, |(span, _)| *span);
+        let follows = first.source == found.source && span[0] >= last[1];
+        if follows {
+            self.halves_then[k].push((span, file.to_owned()));
+            self.notes.push(format!("{}: {} goes on in the same form", found.kind, file.display()));
+        }
+        follows
+    }
+
+    /// Adds a file without headings whose rows go on where those of a file with headings end; `false` for any other file.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn goes_on_without_headings(
+        &mut self,
+        file: &Path,
+        absolute: &Path,
+    ) -> Result<bool, StreamError> {
+        let read = |path: &Path| {
+            let bytes =
+                navfuse_csv::beginning(path, TABLE).map_err(|e| StreamError::open(path, e))?;
+            Ok::<String, StreamError>(navfuse_csv::text(&bytes).into_owned())
+        };
+        let mut others: Vec<&Path> = Vec::new();
+        for part in self.parts.iter().filter(|part| part.reader == Reader::Csv) {
+            if !others.contains(&&*part.file) {
+                others.push(&part.file);
+            }
+        }
+        if others.is_empty() {
+            return Ok(false);
+        }
+        let rows = read(file)?;
+        let Some(first) = rows.lines().next().map(str::to_owned) else { return Ok(false) };
+        for other in others {
+            let text = read(other)?;
+            let Some(headings) = text.lines().next() else { continue };
+            let cells = |line: &str| line.matches([',', ';', '\t', '|']).count();
+            let words = |line: &str| line.chars().filter(|c| c.is_alphabetic()).count();
+            let alike = cells(headings) > 0 && cells(headings) == cells(&first);
+            if !alike || words(headings) <= words(&first) || words(&first) > cells(&first) {
+                continue;
+            }
+            let name = other.file_stem().map(|s| s.to_string_lossy().into_owned());
+            let found = table::recognise(&format!("{headings}\n{rows}"), &name.unwrap_or_default());
+            let found = found.unwrap_or_default();
+            let known = |found: &Found| {
+                self.parts.iter().any(|p| p.name == found.kind && p.found.source == found.source)
+            };
+            if !found.is_empty() && found.iter().all(known) {
+                return Ok(found.iter().all(|found| self.goes_on(found.kind, found, absolute)));
+            }
+        }
+        Ok(false)
     }
 
     /// Adds a file whose rows go on where those of another one end, or end where they begin, in the same

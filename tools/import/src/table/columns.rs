@@ -65,6 +65,7 @@ impl<'a> Table<'a> {
             phi.for_each(|(_, meaning)| meaning.channel = "lat");
         }
         let mut table = Self { layout, columns, questions, gravity: None };
+        table.height_of_map();
         table.leave_out_empty();
         table.down_beside_forward();
         table.name_axes(name);
@@ -148,7 +149,8 @@ impl<'a> Table<'a> {
     pub fn sensors(&self) -> Result<Vec<Found>, String> {
         let inertial =
             (self.has(&GYRO) && self.has(&ACCEL)) || (self.has(&DTHETA) && self.has(&DVEL));
-        let half = !inertial && (self.has(&GYRO) || self.has(&ACCEL));
+        let halves = [GYRO, ACCEL, DTHETA, DVEL];
+        let half = !inertial && halves.iter().any(|half| self.has(half));
         let clock = self.clock(if inertial || half { IMU_INTERVAL } else { AID_INTERVAL })?;
         if units::step(&clock.seconds) < 0.0 {
             return Err(BACKWARDS.to_owned());
@@ -318,6 +320,9 @@ impl<'a> Table<'a> {
         let by_track = place.as_ref().filter(|_| !packed).and_then(|(unit, scale, minutes)| {
             self.by_track(units::factor(unit) * scale, *minutes)
         });
+        // the message NAV-PVT of u-blox has lengths in mm, as integers or beside decoded degrees
+        let fine = place.as_ref().is_some_and(|(_, scale, _)| *scale == units::E7)
+            || by_track.as_ref().is_some_and(|shown| shown.unit == "mm/s");
         // a velocity down alone is no velocity of a receiver
         let moves = self.has(&["vel_n", "vel_e"]) || self.has(&["speed", "course"]);
         let whole = moves || !channels.contains(&"vel_n");
@@ -358,23 +363,24 @@ impl<'a> Table<'a> {
                 (None, "lat" | "lon" | "height")
                     if source.iter().any(|key| key.starts_with(&format!("columns.{channel} "))) => {
                 }
-                (Some((_, units::E7, _)), "height")
+                (Some(_), "height")
                     if stated.is_none()
+                        && fine
                         && self.is_whole(*k)
                         && units::in_millimetres(&self.layout.column(*k)) =>
                 {
                     questions.push(format!(
-                        "the unit of {heading}: mm, as whole numbers beside 1e-7 deg"
+                        "the unit of {heading}: mm, as whole numbers beside 1e-7 deg or mm/s"
                     ));
                     let (unit, scale, minutes) = ("mm".to_owned(), meaning.sign, false);
                     let more = String::new();
                     let chosen = Chosen { heading, unit, scale, minutes, more, usual };
                     source.extend(chosen.key(channel));
                 }
-                (Some((_, units::E7, _)), "h_acc" | "v_acc" | "s_acc")
-                    if stated.is_none() && self.is_whole(*k) =>
+                (Some(_), "h_acc" | "v_acc" | "s_acc")
+                    if stated.is_none() && fine && self.is_whole(*k) =>
                 {
-                    // the message NAV-PVT of u-blox; the eph of others is no length
+                    // the eph of others is no length
                     let unit = if *channel == "s_acc" { "mm/s" } else { "mm" };
                     if !heading.to_lowercase().starts_with("ep") {
                         source.extend(self.key(word, channel, Some(unit), &mut questions));

@@ -19,7 +19,8 @@ impl Table<'_> {
                 self.heaviest().map(|first| (first, ACCEL))
             }
             () if self.has(&ACCEL) && !knows(self, GYRO) && !knows(self, DTHETA) => {
-                self.free_in_unit("rad/s").map(|first| (first, GYRO))
+                let first = self.free_in_unit("rad/s").or_else(|| self.turning());
+                first.map(|first| (first, GYRO))
             }
             () => None,
         };
@@ -86,6 +87,30 @@ impl Table<'_> {
         let firsts = (0..self.layout.width().saturating_sub(2)).filter(free);
         let best = firsts.filter_map(distance).min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(best.0)
+    }
+
+    /// The first of three free columns beside each other whose headings differ by their axes alone, and against which the
+    /// specific forces turn.
+    fn turning(&self) -> Option<usize> {
+        let seconds = self.clock(IMU_INTERVAL).ok()?.seconds;
+        let stem = |k: usize| {
+            let mut words = vocabulary::words(self.heading(k));
+            let axis = words.iter().position(|word| ["x", "y", "z"].contains(&word.as_str()))?;
+            let axis = words.remove(axis);
+            (!words.is_empty()).then_some((words, axis))
+        };
+        let vector = |first: usize| {
+            let [x, y, z] = [0, 1, 2].map(|k| stem(first + k));
+            let [(x, _), (y, _), (z, last)] = [x?, y?, z?];
+            let free = (first..first + 3).all(|k| self.is_free(k));
+            (free && x == y && y == z && last == "z").then_some(first)
+        };
+        let forces = self.vector(ACCEL);
+        let turns = |first: &usize| {
+            let [x, y, z] = [0, 1, 2].map(|k| self.layout.column(first + k));
+            units::turns_gravity(&seconds, &units::rows([&x, &y, &z]), &forces)
+        };
+        (0..self.layout.width().saturating_sub(2)).filter_map(vector).find(turns)
     }
 
     /// The first of three free columns beside each other that state a unit, if no others do.

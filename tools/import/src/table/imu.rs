@@ -50,17 +50,30 @@ impl Table<'_> {
     pub(super) fn half(&self, clock: &Clock) -> Result<Found, String> {
         let interval = units::step(&clock.seconds);
         let mut questions = Vec::new();
-        let (kind, channels, unit) = if self.has(&ACCEL) {
-            let (unit, _) = self.forces(false, ACCEL, interval, &mut questions)?;
-            ("accels", ACCEL, unit)
+        let forces = [ACCEL, DVEL].into_iter().find(|names| self.has(names));
+        let (kind, names, unit, increments) = if let Some(names) = forces {
+            let (unit, increments) = self.forces(names == DVEL, names, interval, &mut questions)?;
+            ("accels", names, unit, increments)
         } else {
-            ("gyros", GYRO, self.rates(GYRO, (clock, 1.0, false), &[], &mut questions))
+            let increments = !self.has(&GYRO);
+            let names = if increments { DTHETA } else { GYRO };
+            let per = if increments { interval } else { 1.0 };
+            let unit = self.rates(names, (clock, per, false), &[], &mut questions);
+            ("gyros", names, unit, increments)
         };
-        let keys = channels
-            .iter()
-            .filter_map(|name| self.key(name, name, unit.as_deref(), &mut questions));
+        let targets = match (kind, increments) {
+            ("accels", true) => DVEL,
+            ("accels", false) => ACCEL,
+            (_, true) => DTHETA,
+            (_, false) => GYRO,
+        };
+        let keys = names.iter().zip(targets);
+        let keys = keys
+            .filter_map(|(name, target)| self.key(name, target, unit.as_deref(), &mut questions));
         let source = keys.collect();
-        Ok(Found { kind, source, questions, ..Found::default() })
+        let sensor =
+            if increments { vec!["output = \"increments\"".to_owned()] } else { Vec::new() };
+        Ok(Found { kind, sensor, source, questions, ..Found::default() })
     }
 
     /// The unit of the specific forces, and `true` for increments; no unit where each heading has

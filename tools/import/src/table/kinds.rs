@@ -4,7 +4,7 @@
 use super::content;
 use super::layout::Layout;
 use super::measured::measured;
-use super::vocabulary::meaning;
+use super::vocabulary::{meaning, words};
 use crate::found::Found;
 
 /// Least number of lines of such a file, and the share of lines that must begin with a word.
@@ -96,7 +96,9 @@ fn by_name(layout: &Layout, kind: &Kind<'_>, place: usize) -> Option<Vec<String>
     let counted = || columns().find(|k| content::increases(&layout.column(*k)));
     let stamps = content::stamps(layout);
     let time = stamps.or_else(counted)?;
-    let free: Vec<usize> = columns().filter(|k| *k > time).collect();
+    // a second clock is no measurement
+    let clock = |k: &usize| content::increases(&layout.column(*k));
+    let free: Vec<usize> = columns().filter(|k| *k > time && !clock(k)).collect();
     let channel = |heading: &str| meaning(heading).map(|m| m.channel);
     let axes = ["x", "y", "z"].map(|axis| channel(&format!("{} {axis}", kind.name)));
     let named: Vec<&str> = match axes {
@@ -151,8 +153,10 @@ fn of(
                 questions.push(question);
                 Some(headings)
             };
-            // a letter alone may be any word
+            // a letter alone may be any word, and a magnetic field has a vector, too
+            let field = words(kind.name).iter().any(|word| word.starts_with("mag"));
             match kind.name.len() {
+                _ if field => None,
                 1 => content().or_else(|| by_name(&layout, kind, place)),
                 _ => by_name(&layout, kind, place).or_else(content),
             }

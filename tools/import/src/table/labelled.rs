@@ -1,6 +1,7 @@
 //! Files whose rows name their values: JSON, and lines such as `t=0.01 gx: 0.2`.
 
 use super::content;
+use super::elements;
 use super::layout::Layout;
 use super::measured::measured;
 use super::vocabulary::{Meaning, meaning};
@@ -19,7 +20,7 @@ const SHARE: f64 = 0.9;
 const KINDS: usize = 50;
 
 /// A record: the paths and the texts of its values.
-type Record = Vec<(String, String)>;
+pub type Record = Vec<(String, String)>;
 
 fn value<'a>(record: &'a Record, name: &str) -> Option<&'a str> {
     record.iter().find(|(path, _)| path == name).map(|(_, text)| text.as_str())
@@ -172,9 +173,18 @@ pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
     }
     records.truncate(10 * RECORDS);
     records.retain(|record| record.len() >= least);
-    let Some((path, kinds)) = kind(&records) else {
-        let records: Vec<&Record> = of_all_forms(&records);
-        return Some(of(&records, None, name));
+    let each = if json { elements::apart(&mut records) } else { Vec::new() };
+    let mut found = of_records(&records, name);
+    let keyed = found.iter_mut().flatten();
+    keyed.for_each(|sensor| sensor.source.extend(elements::key(&each)));
+    Some(found)
+}
+
+/// The sensors of all records, or of those of each kind.
+fn of_records(records: &[Record], name: &str) -> Result<Vec<Found>, String> {
+    let Some((path, kinds)) = kind(records) else {
+        let records: Vec<&Record> = of_all_forms(records);
+        return of(&records, None, name);
     };
     let mut sensors: Vec<Found> = Vec::new();
     for kind in &kinds {
@@ -187,5 +197,5 @@ pub fn sensors(text: &str, name: &str) -> Option<Result<Vec<Found>, String>> {
         }
     }
     let none = || format!("none of its records ({}) has a known sensor", kinds.join(", "));
-    Some(if sensors.is_empty() { Err(none()) } else { Ok(sensors) })
+    if sensors.is_empty() { Err(none()) } else { Ok(sensors) }
 }

@@ -62,6 +62,9 @@ pub struct Layout {
     backwards: bool,
     /// Rate in Hz that a line above the table states.
     pub rate: Option<f64>,
+    /// Point from which positions count, deg and m, and zone of UTM, as a line above the table states them.
+    pub origin: Option<[f64; 3]>,
+    pub zone: Option<String>,
     /// Numbers that stand for no measurement, by the index of their columns.
     pub missing: Vec<(usize, f64)>,
 }
@@ -149,6 +152,8 @@ impl Layout {
         let (places, rows): (Vec<usize>, Vec<Vec<String>>) = rows.into_iter().unzip();
         let mut layout = Self { delimiter, decimal_comma, rows, before: first, ..Self::default() };
         layout.rate = lines[..first].iter().find_map(|line| preamble::rate(line));
+        layout.origin = lines[..first].iter().find_map(|line| preamble::origin(line));
+        layout.zone = lines[..first].iter().find_map(|line| preamble::zone(line));
         let others = lines[first..].iter().filter_map(|line| uncommented(line));
         layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
         layout.find_headings(&lines[..first], width);

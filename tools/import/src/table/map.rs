@@ -2,8 +2,8 @@
 
 use super::columns::Table;
 use super::units::median;
-use super::vocabulary::words;
-use crate::found::ORIGIN;
+use super::vocabulary::{self, Meaning, words};
+use crate::found::{ORIGIN, point};
 use navfuse_core::document::quoted;
 
 /// Words for easting and northing; letters alone beside `utm`.
@@ -50,6 +50,10 @@ fn parts(heading: &str) -> (String, bool, Option<String>) {
             zone = side.or_else(beside).map(|side| format!("{digits}{}", side.to_uppercase()));
         }
     }
+    // as `easting_m`
+    if rest.len() > 1 && rest.last() == Some(&"m") {
+        rest.pop();
+    }
     (rest.concat(), map, zone)
 }
 
@@ -58,7 +62,8 @@ impl Table<'_> {
     /// where no column names the zone.
     fn on_map(&self) -> Option<(Vec<String>, String)> {
         let [east, north] = self.easting_and_northing()?;
-        let zone = self.layout.headings.iter().find_map(|h| parts(h).2).or_else(|| self.zone())?;
+        let named = self.layout.headings.iter().find_map(|h| parts(h).2).or_else(|| self.zone());
+        let zone = named.or_else(|| self.layout.zone.clone())?;
         let [from, up] = [east, north].map(|k| quoted(self.heading(k)));
         let key = |channel: &str| {
             let zone = quoted(&zone);
@@ -89,13 +94,16 @@ impl Table<'_> {
             if up.is_some() { &["lat", "lon", "height"] } else { &["lat", "lon"] };
         let more = up.map_or_else(String::new, |(side, h)| format!(", {side} = {}", quoted(h)));
         let [from, to] = [east, north].map(|k| quoted(self.heading(k)));
+        let stated = self.layout.origin.map(point);
+        let place = if stated.is_some() { "point above the table" } else { "position given" };
+        let origin = stated.unwrap_or_else(|| ORIGIN.to_owned());
         let key = |channel: &&str| {
             format!(
-                "columns.{channel} = {{ column = {from}, north = {to}{more}, origin = {ORIGIN} }}"
+                "columns.{channel} = {{ column = {from}, north = {to}{more}, origin = {origin} }}"
             )
         };
         let question =
-            format!("{from} and {to} are taken for metres east and north of the position given");
+            format!("{from} and {to} are taken for metres east and north of the {place}");
         Some((channels.iter().map(key).collect(), question))
     }
 
@@ -128,12 +136,25 @@ impl Table<'_> {
         let column = |names: [&str; 4], letters: [&str; 2]| {
             self.layout.headings.iter().position(|heading| {
                 let (rest, map, _) = parts(heading);
+                let map = map || self.layout.zone.is_some();
                 names.contains(&rest.as_str()) || (map && letters.contains(&rest.as_str()))
             })
         };
         let found = [column(EAST, LETTERS[0])?, column(NORTH, LETTERS[1])?];
         let middle = median(self.layout.column(found[0]).into_iter().filter(|v| *v != 0.0));
         WITHIN.contains(&middle).then_some(found)
+    }
+
+    /// Takes `z` beside x and y on a map, whose zone a line above the table states, for the height.
+    pub(super) fn height_of_map(&mut self) {
+        let axis = |h: &String| vocabulary::axis(h).is_some_and(|(axis, ..)| axis == 2);
+        let column = self.layout.headings.iter().position(axis);
+        let alone = self.layout.zone.is_some() && self.find("height").is_none();
+        if let Some(k) = column.filter(|_| alone && self.easting_and_northing().is_some()) {
+            let unit = vocabulary::axis(self.heading(k)).and_then(|(.., unit)| unit);
+            self.columns.retain(|(other, _)| *other != k);
+            self.columns.push((k, Meaning { channel: "height", unit, sign: 1.0, rank: 0 }));
+        }
     }
 
     /// The zone in a column, which has the same zone in each row.

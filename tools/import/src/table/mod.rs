@@ -10,6 +10,7 @@ mod clock;
 mod columns;
 mod complete;
 mod content;
+mod elements;
 mod fields;
 mod imu;
 mod kinds;
@@ -125,7 +126,17 @@ fn of_text(beginning: &str, name: &str, stamps: bool) -> Result<Vec<Found>, Stri
         layout.given = true;
         return measured(layout, name, vec![question]);
     }
-    measured(layout.clone(), name, Vec::new()).or_else(|why| by_content(&layout).ok_or(why))
+    // beside a half that headings name, the content may show the other one
+    let found = measured(layout.clone(), name, Vec::new());
+    let whole = |found: &Vec<Found>| {
+        !found
+            .iter()
+            .any(|half| ["gyros", "accels"].contains(&half.kind) && !half.sensor.is_empty())
+    };
+    match found {
+        Ok(found) if whole(&found) => Ok(found),
+        other => by_content(&layout).map_or(other, Ok),
+    }
 }
 
 /// The sensors of messages with these fields, by their values.

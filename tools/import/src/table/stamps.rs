@@ -30,6 +30,7 @@ impl Table<'_> {
             let times = self.layout.column(*k);
             meaning.channel == "time"
                 && times.iter().any(|t| t.is_nan())
+                && times.iter().any(|t| t.is_finite())
                 && times.iter().zip(&values).all(|(t, v)| t.is_finite() == v.is_finite())
         };
         let own: Vec<&(usize, Meaning)> = self.columns.iter().filter(own).collect();

@@ -12,6 +12,8 @@ use std::ops::RangeInclusive;
 pub const GRAVITY: f64 = 9.806_65;
 /// Range of a median norm, in units of gravity, that is gravity.
 const NEAR: RangeInclusive<f64> = 0.8..=1.25;
+/// Number of rows of a stretch whose norms are compared.
+const QUIET: usize = 50;
 /// Scatter of a norm, as a part of it, that is no gravity.
 const LOOSE: f64 = 0.5;
 /// Radians of a degree.
@@ -129,6 +131,22 @@ pub fn rows(columns: [&[f64]; 3]) -> Vec<[f64; 3]> {
     x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect()
 }
 
+/// The mean norm of the stretch of rows in which it scatters least.
+fn quietest(forces: &[[f64; 3]]) -> f64 {
+    let scatter = |rows: &[[f64; 3]]| {
+        let norms: Vec<f64> =
+            rows.iter().map(|f| norm(*f)).filter(|size| size.is_finite()).collect();
+        let mean = norms.iter().sum::<f64>() / norms.len() as f64;
+        let spread = norms.iter().map(|size| (size - mean).powi(2)).sum::<f64>();
+        (mean, spread / norms.len() as f64)
+    };
+    let stretches =
+        forces.chunks(QUIET).filter(|rows| rows.len() == QUIET || rows.len() == forces.len());
+    let best =
+        stretches.map(scatter).filter(|(mean, spread)| mean.is_finite() && spread.is_finite());
+    best.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |(mean, _)| mean)
+}
+
 /// The unit of specific forces, and `true` for increments; `interval` in s.
 ///
 /// # Errors
@@ -145,7 +163,15 @@ pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), Stri
         ("ft/s^2", GRAVITY / 0.3048, false),
         ("ug", 1e6, false),
     ];
-    let found = candidates.iter().find(|(_, gravity, _)| NEAR.contains(&(middle / gravity)));
+    let fits = |(_, gravity, _): &&(&str, f64, bool)| NEAR.contains(&(middle / gravity));
+    let found = candidates.iter().find(fits);
+    // mg and cm/s^2 differ by 2 %, and the median norm of a vehicle that drives by 1 %
+    let quiet = quietest(forces);
+    let distance = |gravity: f64| (quiet / gravity).ln().abs();
+    let nearer =
+        |unit: &str| candidates.iter().find(|c| c.0 == unit && distance(c.1) < distance(1e3));
+    let found = found
+        .and_then(|first| (first.0 == "mg").then(|| nearer("cm/s^2")).flatten().or(Some(first)));
     let whole = forces.iter().flatten().all(|f| !f.is_finite() || f.fract() == 0.0);
     let counts = |count: &&u32| {
         whole && (1.0 / NEAR_COUNTS..NEAR_COUNTS).contains(&(middle / f64::from(**count)))
@@ -171,6 +197,11 @@ pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), Stri
     };
     let why = format!("the median norm {middle:.4} is gravity");
     Ok((decided(unit, why, Evidence::Strong), *increments))
+}
+
+/// Tests whether gravity turns against these rates.
+pub fn turns_gravity(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> bool {
+    by_gravity(times, rates, forces).is_some()
 }
 
 /// The factor of rates to rad/s by the turn of gravity, where the vehicle tilts enough.
@@ -216,7 +247,14 @@ pub fn counted(per_degree: f64) -> String {
     match per_degree {
         1.0 => "deg/s".to_owned(),
         whole if whole.fract() == 0.0 => format!("deg/({whole}*s)"),
-        other => format!("1000*deg/({:.0}*s)", 1e3 * other),
+        other => {
+            // 262.4 is 1312 / 5, and 114.286 is 800 / 7
+            let whole = |q: &&u8| {
+                (f64::from(**q) * other).fract().min(1.0 - (f64::from(**q) * other).fract()) < 0.01
+            };
+            let q = [2, 5, 7, 10].iter().find(whole).copied().unwrap_or(1);
+            format!("{q}*deg/({:.0}*s)", f64::from(q) * other)
+        }
     }
 }
 

@@ -217,7 +217,9 @@ fn channel(words: &[String], unit: Option<&str>) -> Option<(&'static str, f64, u
         fewer.then(found).flatten()
     };
     let above = || Some((of_unit("height", unit)?, 1.0, height(&kept)?));
-    let plainly = number(&whole).or_else(|| number(&joined)).or_else(direction).or_else(above);
+    // a letter beside words that say nothing is no pressure, as in `axisP[1]`
+    let fewer = || number(&joined).filter(|(name, ..)| *name != "pressure" || joined.len() > 2);
+    let plainly = number(&whole).or_else(fewer).or_else(direction).or_else(above);
     plainly.or_else(|| split(&whole)).or_else(|| split(&joined)).or_else(of_log)
 }
 
@@ -300,7 +302,7 @@ fn without_side(unit: &str) -> (String, bool) {
 pub fn axis(heading: &str) -> Option<(usize, f64, Option<String>)> {
     let (name, unit) = heading.split_once(['[', '(', '{']).unwrap_or((heading, ""));
     let mut words = words(name);
-    words.retain(|word| word != "axis");
+    words.retain(|word| !["axis", "value", "val"].contains(&word.as_str()));
     let words = words.concat();
     let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == words)?;
     let named = words.parse::<usize>().is_err();

@@ -59,8 +59,16 @@ pub(super) fn is_number(cell: &str) -> bool {
 /// Tests whether a cell holds a latitude and a longitude, or digits and the name of a month.
 fn is_several(cell: &str) -> bool {
     navfuse_csv::coordinates(cell, false).is_some()
+        || is_sided(cell)
         || navfuse_csv::date(cell).is_some()
         || navfuse_csv::vector(cell).len() > 2
+}
+
+/// Tests whether a cell has degrees, minutes and perhaps seconds with their side, `48°06'00.1"N`.
+fn is_sided(cell: &str) -> bool {
+    let parts = cell.split(|c: char| !c.is_ascii_digit() && c != '.').filter(|p| !p.is_empty());
+    let marks = |c: char| c.is_ascii_digit() || ". -°'\"′″NSEW".contains(c);
+    cell.contains('°') && cell.chars().all(marks) && (2..=3).contains(&parts.count())
 }
 
 /// Tests whether a cell looks like a date or a time of the day.
@@ -94,7 +102,10 @@ pub(super) fn are_units(cells: &[String]) -> bool {
     let bracketed = |cell: &str| cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
     let unit = |cell: &String| {
         let empty = cell.is_empty() || is_pattern(cell);
-        empty || bracketed(cell) || parts::is_part(cell) || expression(cell).is_some()
+        // a unit may have a factor, as `1e-7deg`
+        let factor = cell.find(|c: char| c.is_alphabetic() && c != 'e').unwrap_or(0);
+        let plain = if is_number(cell[..factor].trim()) { &cell[factor..] } else { cell };
+        empty || bracketed(cell) || parts::is_part(cell) || expression(plain).is_some()
     };
     let (units, filled) =
         (cells.iter().filter(|c| unit(c)), cells.iter().filter(|c| !c.is_empty()));

@@ -74,6 +74,54 @@ pub(super) fn uncounted(headings: Vec<String>) -> Vec<String> {
     found
 }
 
+/// Words for a point from which positions count.
+const POINTS: [&str; 4] = ["origin", "datum", "reference", "lat0"];
+
+/// The latitude, longitude (deg) and height (m) of a line such as `# origin: lat=48.1 lon=11.5 alt=500`.
+pub(super) fn origin(line: &str) -> Option<[f64; 3]> {
+    let line = line.to_lowercase();
+    if !POINTS.iter().any(|word| line.contains(word)) {
+        return None;
+    }
+    let number = |c: char| c.is_ascii_digit() || ['.', '-', '+'].contains(&c);
+    // the digit of `lat0` is no number
+    let words = line.split(|c: char| !c.is_alphanumeric() && !number(c));
+    let numbers = words.filter(|word| word.starts_with(number)).map(|word| {
+        let digits = word.trim_end_matches(|c: char| c.is_alphabetic());
+        digits.parse::<f64>().ok()
+    });
+    let [lat, lon, height] = *numbers.collect::<Option<Vec<f64>>>()?.as_slice() else {
+        return None;
+    };
+    let place = lat.abs() <= 90.0 && lon.abs() <= 360.0 && lat.fract() != 0.0 && height.is_finite();
+    place.then_some([lat, lon, height])
+}
+
+/// The zone of UTM of a line such as `# EPSG:32632`, or `# UTM zone 32N`.
+pub(super) fn zone(line: &str) -> Option<String> {
+    let line = line.to_lowercase();
+    let digits = |text: &str| -> String {
+        text.trim_start_matches([':', ' ', '=']).chars().take_while(char::is_ascii_digit).collect()
+    };
+    if let Some((_, rest)) = line.split_once("epsg") {
+        let code: u32 = digits(rest).parse().ok()?;
+        let side = match code / 100 {
+            326 => 'N',
+            327 => 'S',
+            _ => return None,
+        };
+        return (1..=60).contains(&(code % 100)).then(|| format!("{}{side}", code % 100));
+    }
+    let (_, rest) = line.split_once("utm")?;
+    let rest = rest.trim_start_matches([':', ' ', '=']);
+    let rest = rest.strip_prefix("zone").unwrap_or(rest).trim_start_matches([':', ' ', '=']);
+    let number = digits(rest);
+    let side =
+        rest[number.len()..].trim_start().chars().next().filter(|c| ['n', 's'].contains(c))?;
+    let zone: u8 = number.parse().ok()?;
+    (1..=60).contains(&zone).then(|| format!("{zone}{}", side.to_ascii_uppercase()))
+}
+
 /// The rate in Hz of a line such as `# Sample Rate: 100.0Hz`.
 pub(super) fn rate(line: &str) -> Option<f64> {
     let line = line.to_lowercase();

@@ -1,7 +1,7 @@
 //! The words of many programs.
 
 /// Words that only say where a quantity comes from.
-pub const NOISE: [&str; 46] = [
+pub const NOISE: [&str; 48] = [
     "field",
     "msg",
     "header",
@@ -43,6 +43,9 @@ pub const NOISE: [&str; 46] = [
     "location",
     "btm",
     "twist",
+    "vehicle",
+    // of a compass
+    "c",
     // degrees of 1e-7, which the range of the numbers shows
     "e7",
     "1e7",
@@ -133,12 +136,12 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
     ("accel_x", "m/s^2", 1.0, &["längsbeschleunigung", "laengsbeschleunigung"]),
     ("accel_y", "m/s^2", 1.0, &["querbeschleunigung"]),
     ("accel_z", "m/s^2", 1.0, &["vertikalbeschleunigung", "hochbeschleunigung"]),
-    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd", "φ"]),
+    ("lat", "rad", 1.0, &["lat", "latitude", "latitudedegrees", "latdd", "latp", "φ"]),
     (
         "lon",
         "rad",
         1.0,
-        &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda", "londd", "λ"],
+        &["lon", "lng", "long", "longitude", "longitudedegrees", "lambda", "londd", "lonp", "λ"],
     ),
     (
         "height",
@@ -324,6 +327,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
             "speedoverground",
             "sog",
             "spd",
+            "gs",
             "velocity",
             "hzspeed",
         ],
@@ -342,6 +346,7 @@ pub const SCALARS: [(&str, &str, f64, &[&str]); 36] = [
             "tracktrue",
             "truetrack",
             "trackangle",
+            "trk",
             "bearing",
             "direction",
         ],
