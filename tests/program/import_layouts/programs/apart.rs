@@ -4,13 +4,13 @@
 use super::*;
 
 /// Names of the numbers of the IMU, and of a fix.
-const IMU: [&str; 6] = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"];
-const FIX: [&str; 3] = ["latitude", "longitude", "altitude"];
+pub const IMU: [&str; 6] = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"];
+pub const FIX: [&str; 3] = ["latitude", "longitude", "altitude"];
 
 /// Time, name of the sensor, and the names and numbers of its channels.
 type Sample = (i64, &'static str, Vec<(&'static str, f64)>);
 
-fn fix(v: &[f64]) -> [f64; 3] {
+pub fn fix(v: &[f64]) -> [f64; 3] {
     [v[0].to_degrees(), v[1].to_degrees(), v[2]]
 }
 
@@ -27,14 +27,14 @@ fn samples(recorded: &Recorded) -> Vec<Sample> {
 }
 
 /// The text of each value.
-fn each(recorded: &Recorded, text: impl Fn(i64, &str, &str, f64) -> String) -> String {
+pub fn each(recorded: &Recorded, text: impl Fn(i64, &str, &str, f64) -> String) -> String {
     let of = |(t, sensor, values): &Sample| {
         values.iter().map(|(name, v)| text(*t, sensor, name, *v)).collect::<String>()
     };
     samples(recorded).iter().map(of).collect()
 }
 
-fn one(folder: &Path, name: &str, text: &str, offset: i64) -> Written {
+pub fn one(folder: &Path, name: &str, text: &str, offset: i64) -> Written {
     Written { given: vec![put(folder, name, text)], offset }
 }
 

@@ -12,6 +12,7 @@ mod notations;
 mod positions;
 mod records;
 mod senses;
+mod several;
 mod strangers;
 mod times;
 mod tracks;
@@ -209,4 +210,5 @@ pub fn all() -> impl Iterator<Item = &'static Program> {
         .chain(&written::PROGRAMS)
         .chain(&records::PROGRAMS)
         .chain(&apart::PROGRAMS)
+        .chain(&several::PROGRAMS)
 }
