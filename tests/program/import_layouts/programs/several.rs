@@ -21,7 +21,7 @@ fn files(
         });
         put(folder, &name, &(head + &rows))
     };
-    channels.map(|wanted| write(&wanted)).collect()
+    channels.map(write).collect()
 }
 
 /// Three values with a time, as files of a phone have them, along right, forward and up.
