@@ -9,7 +9,8 @@
 //! V = sum (S - R)^2 / S       variance of the corrections H K y that a sample at rest causes
 //! stuck if M^2 > 3.5^2 (V + S) in some channel
 //! ```
-//! The scatter is learnt from the samples before (`judge/stuck/chance.rs`).
+//! The scatter is learnt from the samples before (`judge/stuck/chance.rs`). It also shows a channel that is
+//! stuck while the others vary; the others are then used without it.
 //!
 //! The noise of a repeated sample is the same each time. A filter that takes it for new noise each
 //! time would be overconfident. If a sensor of several channels varied before, `R` therefore grows
@@ -20,6 +21,7 @@ mod chance;
 
 use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
 use crate::units::sample::{MAX_CHANNELS, Sample, channels};
 use crate::units::time::Time;
@@ -51,9 +53,23 @@ pub(in crate::filter) struct Repeats {
     /// Time of the first of the equal samples.
     since: Time,
     chance: Chance,
+    /// Channels that are stuck while others vary, one bit each.
+    channels: u16,
 }
 
-saved!(Repeats { last, count, varied, motion, variance, left, stuck, moved, since, chance });
+saved!(Repeats {
+    last,
+    count,
+    varied,
+    motion,
+    variance,
+    left,
+    stuck,
+    moved,
+    since,
+    chance,
+    channels
+});
 
 /// A sensor that is stuck.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +103,25 @@ impl Stuck {
             remedy: "look at the instrument and at its driver, which may repeat old samples"
                 .to_owned(),
         }
+    }
+}
+
+/// Finding about channels that are stuck while the others of their samples vary.
+pub(in crate::filter) fn stuck_channels(time: Time, sensor: &SensorInfo, stuck: u16) -> Finding {
+    let names: Vec<_> = channels(stuck).map(|c| sensor.channel(c)).collect();
+    let (repeat, are) =
+        if names.len() > 1 { ("repeat their values", "are") } else { ("repeats its value", "is") };
+    Finding {
+        time,
+        about: sensor.name.clone(),
+        severity: Severity::Contained,
+        basis: Basis::Samples,
+        text: format!(
+            "stuck: {} {repeat} while the other channels vary; it scattered before, and {are} left out from \
+             now on",
+            names.join(", ")
+        ),
+        remedy: "look at the instrument and at its driver, which may repeat old values".to_owned(),
     }
 }
 
@@ -129,11 +164,11 @@ impl Repeats {
         update: &Update,
         present: u16,
         factor: f64,
-        moves: impl FnOnce() -> bool,
+        moves: bool,
     ) -> Option<Stuck> {
         for (a, c) in channels(present).enumerate().take(update.m) {
             if let Some(value) = self.last.as_ref().and_then(|last| last.get(c)) {
-                self.chance.take(c, value, [update.innovation[a], self.left[c]]);
+                self.chance.take(c, value, [update.innovation[a], self.left[c]], moves);
             }
         }
         if self.count > 1 && !self.stuck {
@@ -145,10 +180,19 @@ impl Repeats {
                 let bound = SIGMAS * SIGMAS * (self.variance[c] + s);
                 self.moved |= self.count >= CHANCE && self.motion[c] * self.motion[c] > bound;
             }
-            self.stuck = self.moved || self.chance.repeats(moves());
+            self.stuck = self.moved || self.chance.repeats(moves);
         }
         let &mut Self { since, count, moved, .. } = self;
         self.stuck.then_some(Stuck { since, count, moved })
+    }
+
+    /// Channels of a sample that are stuck while others vary, and those of them that were not before, one
+    /// bit each. Call after [`Self::stuck`].
+    pub(in crate::filter) fn stuck_alone(&mut self, present: u16) -> [u16; 2] {
+        let stuck = self.chance.stuck() & present;
+        let alone = if self.count > 1 { self.channels & stuck } else { stuck };
+        let before = std::mem::replace(&mut self.channels, alone);
+        [alone, alone & !before]
     }
 
     /// Innovation after the last sample, by channel.
@@ -198,7 +242,7 @@ mod tests {
             let sample = Sample::new(Time::default(), SensorId(0), &[3.0]);
             let factor = repeats.take(&sample, 1);
             let update = update(y(k), 0.0);
-            let stuck = repeats.stuck(&update, 1, factor, || true);
+            let stuck = repeats.stuck(&update, 1, factor, true);
             repeats.keep(&update, 1, false);
             stuck.is_some()
         })
@@ -253,7 +297,7 @@ mod tests {
             update.innovation.extend([0.0, if k > 8 { 7.1 } else { 0.0 }]);
             update.r.extend([100.0, -50.0, -50.0, 1.0].map(|r| r * factor * factor));
             update.s.extend([400.0, 0.0, 0.0, 3.0 + factor * factor]);
-            let stuck = repeats.stuck(&update, 0b11, factor, || true);
+            let stuck = repeats.stuck(&update, 0b11, factor, true);
             repeats.keep(&update, 0b11, false);
             stuck.is_some()
         });

@@ -9,11 +9,13 @@ use crate::filter::judge::gate::Judgement;
 use crate::filter::judge::groups::failing_alone;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::judge::measured::Measured;
+use crate::filter::judge::reject::rejected;
 use crate::filter::judge::signature::Treatment;
+use crate::filter::judge::stuck::stuck_channels;
 use crate::filter::parts::Parts;
 use crate::filter::transients::seen::Transients;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::record::{Observer, Outcome, Rejection};
+use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::Sensor;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::model::sensor::rule::{Check, Prior};
@@ -50,14 +52,14 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         self.settle(observer);
-        let Some(attempt) = self.linearise(sample, model) else {
+        let Some(mut attempt) = self.linearise(sample, model) else {
             return Ok(()); // the sample's time minus its offset is before the start
         };
         if self.reads_absent() {
             self.reject(sample, Rejection::Absent, observer);
             return Ok(());
         }
-        let Some(nis) = self.work.update.innovate(&self.parts.estimate.covariance) else {
+        let Some(mut nis) = self.work.update.innovate(&self.parts.estimate.covariance) else {
             let Update { innovation, s, .. } = &self.work.update;
             let mut why = Rejection::Singular;
             if innovation.iter().chain(s).any(|value| value.is_nan()) {
@@ -69,6 +71,9 @@ impl Ekf {
         };
         if self.is_stuck(&attempt, observer) {
             return Ok(());
+        }
+        if let Some(others) = self.without_stuck(&mut attempt, observer) {
+            nis = others;
         }
         let nis = self.explain_by_noise(&attempt, nis, observer);
         let nis = self.explain_by_error(&attempt, nis, observer);
@@ -227,7 +232,7 @@ impl Ekf {
         let &Attempt { sample, present, repeated, .. } = attempt;
         let Parts { estimate, sensors, .. } = &mut self.parts;
         let slot = &mut sensors[attempt.index];
-        let moves = || estimate.moves(&self.layout);
+        let moves = estimate.moves(&self.layout);
         let stuck = slot.repeats.as_mut().and_then(|repeats| {
             let stuck = repeats.stuck(&self.work.update, present, repeated, moves)?;
             repeats.keep(&self.work.update, present, false);
@@ -242,6 +247,36 @@ impl Ekf {
         }
         self.reject(sample, Rejection::Repeated, observer);
         true
+    }
+
+    /// Leaves out the channels that repeat one value while the others vary; returns the normalised
+    /// innovation squared of the others.
+    fn without_stuck(
+        &mut self,
+        attempt: &mut Attempt<'_>,
+        observer: &mut dyn Observer,
+    ) -> Option<f64> {
+        let &mut Attempt { sample, index, present, .. } = attempt;
+        let Work { update, whole, .. } = &mut self.work;
+        let repeats = self.parts.sensors[index].repeats.as_mut()?;
+        let [stuck, new] = repeats.stuck_alone(present);
+        if stuck == 0 || stuck == present {
+            return None;
+        }
+        repeats.keep(update, present, false);
+        whole.clone_from(update);
+        update.restrict(present, present & !stuck);
+        let Some(nis) = update.innovate(&self.parts.estimate.covariance) else {
+            update.clone_from(whole);
+            return None;
+        };
+        if new != 0 {
+            let info = &self.composition.sensors[index].info;
+            observer.finding(stuck_channels(sample.time, info, new));
+        }
+        observer.update(&UpdateRecord { present: stuck, ..rejected(sample, Rejection::Repeated) });
+        attempt.present = present & !stuck;
+        Some(nis)
     }
 
     /// Weighs the channels of an accepted sample and iterates its linearisation, as the sensor

@@ -28,7 +28,47 @@ const SIGMAS: f64 = 4.0;
 /// Least share of samples whose differences are above the resolution.
 const OFTEN: f64 = 0.1;
 
-/// Scatter of one channel.
+/// Repetitions of a sample, or of one of its channels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rows {
+    /// Number of samples that were compared with the one before, and of those that repeated it.
+    compared: f64,
+    repeated: f64,
+    /// Repetitions in a row, and how many of them while the vehicle moved.
+    row: f64,
+    moving: f64,
+    /// Logarithm of the probability of those while the vehicle moved.
+    ln: f64,
+}
+
+saved!(Rows { compared, repeated, row, moving, ln });
+
+impl Rows {
+    /// Counts a repetition.
+    fn repeat(&mut self, moves: bool) {
+        self.row += 1.0;
+        if moves {
+            self.moving += 1.0;
+            let share = (self.repeated + self.moving) / (self.compared + self.moving + 1.0);
+            self.ln += share.ln();
+        }
+    }
+
+    /// Ends a row of repetitions with another sample; those that are no chance teach nothing.
+    fn end(&mut self, stuck: bool) {
+        if !stuck {
+            self.compared += self.row + 1.0;
+            self.repeated += self.row;
+        }
+        (self.row, self.moving, self.ln) = (0.0, 0.0, 0.0);
+    }
+
+    fn improbable(&self) -> bool {
+        self.ln < IMPROBABLE.ln()
+    }
+}
+
+/// Scatter and repetitions of one channel.
 #[derive(Clone, Copy, Debug)]
 struct Channel {
     /// Last value and difference; NaN where there is none.
@@ -39,23 +79,30 @@ struct Channel {
     /// Pairs with opposite and with equal signs.
     opposite: f64,
     same: f64,
+    rows: Rows,
+    stuck: bool,
 }
 
-saved!(Channel { value, difference, resolution, opposite, same });
+saved!(Channel { value, difference, resolution, opposite, same, rows, stuck });
 
 impl Default for Channel {
     fn default() -> Self {
         let (value, difference, resolution) = (f64::NAN, f64::NAN, f64::INFINITY);
-        Self { value, difference, resolution, opposite: 0.0, same: 0.0 }
+        let (opposite, same, rows, stuck) = (0.0, 0.0, Rows::default(), false);
+        Self { value, difference, resolution, opposite, same, rows, stuck }
     }
 }
 
 impl Channel {
     /// Takes a value, and the innovations of it and of the one before after its correction.
-    fn take(&mut self, value: f64, [innovation, left]: [f64; 2]) {
+    fn take(&mut self, value: f64, [innovation, left]: [f64; 2], moves: bool) {
         let change = (value - std::mem::replace(&mut self.value, value)).abs();
         if change > 0.0 {
             self.resolution = self.resolution.min(change);
+            self.rows.end(std::mem::take(&mut self.stuck));
+        } else if change == 0.0 && value != 0.0 {
+            self.rows.repeat(moves);
+            self.stuck |= self.rows.improbable() && self.scatters(self.rows.compared);
         }
         // without a value before the change is NaN
         let difference = innovation - left + 0.0 * change;
@@ -77,42 +124,35 @@ impl Channel {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chance {
     channels: [Channel; MAX_CHANNELS],
-    /// Number of samples that were compared with the one before, and of those that repeated it.
-    compared: f64,
-    repeated: f64,
-    /// Repetitions in a row, and how many of them while the vehicle moved.
-    row: f64,
-    moving: f64,
-    /// Logarithm of the probability of those while the vehicle moved.
-    ln: f64,
+    /// Repetitions of whole samples.
+    rows: Rows,
 }
 
-saved!(Chance { compared, repeated, row, moving, ln } each { channels });
+saved!(Chance { rows } each { channels });
 
 impl Chance {
     /// Ends a row of repetitions with another sample; those of a sensor that was stuck teach nothing.
     pub(super) fn end(&mut self, stuck: bool) {
-        if !stuck {
-            self.compared += self.row + 1.0;
-            self.repeated += self.row;
-        }
-        (self.row, self.moving, self.ln) = (0.0, 0.0, 0.0);
+        self.rows.end(stuck);
     }
 
     /// Takes a value of a channel, and the innovations of it and of the one before after its correction.
-    pub(super) fn take(&mut self, channel: usize, value: f64, innovations: [f64; 2]) {
-        self.channels[channel].take(value, innovations);
+    pub(super) fn take(&mut self, channel: usize, value: f64, innovations: [f64; 2], moves: bool) {
+        self.channels[channel].take(value, innovations, moves);
+    }
+
+    /// Channels whose repetitions are no chance, one bit each.
+    pub(super) fn stuck(&self) -> u16 {
+        let bits =
+            self.channels.iter().enumerate().map(|(c, channel)| u16::from(channel.stuck) << c);
+        bits.sum()
     }
 
     /// Counts a repetition, and returns `true` if so many are no chance.
     pub(super) fn repeats(&mut self, moves: bool) -> bool {
-        self.row += 1.0;
-        if moves {
-            self.moving += 1.0;
-            let share = (self.repeated + self.moving) / (self.compared + self.moving + 1.0);
-            self.ln += share.ln();
-        }
-        self.ln < IMPROBABLE.ln() && self.channels.iter().any(|c| c.scatters(self.compared))
+        self.rows.repeat(moves);
+        let compared = self.rows.compared;
+        self.rows.improbable() && self.channels.iter().any(|c| c.scatters(compared))
     }
 }
 
@@ -134,13 +174,13 @@ mod tests {
             let now = if k < 400 { read } else { value };
             let innovation = now - truth - error;
             if now == value {
-                chance.take(0, now, [innovation, left]);
+                chance.take(0, now, [innovation, left], true);
                 if chance.repeats(true) {
                     return Some(k - 399);
                 }
             } else {
                 chance.end(false);
-                chance.take(0, now, [innovation, left]);
+                chance.take(0, now, [innovation, left], true);
             }
             (value, left) = (now, innovation);
         }
@@ -187,7 +227,7 @@ mod tests {
             if k > 0 {
                 chance.end(false);
             }
-            chance.take(0, value, [value, left]);
+            chance.take(0, value, [value, left], true);
             left = value;
         }
         assert!((0..1000).all(|_| !chance.repeats(false)));
