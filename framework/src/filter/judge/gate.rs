@@ -129,7 +129,9 @@ impl Ekf {
         let largest = if passes { Largest::default() } else { largest(update, present) };
         let slot = &mut sensors[index];
         let (sensor, time, m) = (slot.name.as_str(), sample.time, update.m);
-        let judged = Judged { sensor, time, nis, threshold, m, channels: present, share, largest };
+        let driver = self.driver.map(|driver| &*self.composition.sensors[driver].info.name);
+        let channels = present;
+        let judged = Judged { sensor, driver, time, nis, threshold, m, channels, share, largest };
         let isolated = slot.isolation().is_some();
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
         if let Some(signatures) =

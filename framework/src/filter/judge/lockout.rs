@@ -31,8 +31,8 @@ pub(in crate::filter) use evidence::{
     Conviction, Evidence, Isolation, Judged, Largest, Streak, Verdict,
 };
 use words::{
-    CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted, find,
-    lasts_on, log,
+    CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted,
+    drives_wrong, find, lasts_on, log,
 };
 
 /// Number of gated samples in a row that causes a warning.
@@ -367,6 +367,7 @@ impl Lockout {
                     } else {
                         (Severity::DoNotUse, "", EITHER)
                     };
+                    let first = !self.adopted;
                     self.adopted |= !replaced;
                     if self.accepted > MAJORITY * count {
                         self.alone = 0;
@@ -376,6 +377,9 @@ impl Lockout {
                     let text = format!("{lock_out}{reason}; {INFLATED}");
                     match self.alone {
                         times @ LASTING.. if !replaced => lasts_on(sample, times, &text, observer),
+                        _ if first && evidence.shared && !replaced => {
+                            drives_wrong(sample, &text, observer);
+                        }
                         _ => find(sample, severity, text, remedy, observer),
                     }
                 }

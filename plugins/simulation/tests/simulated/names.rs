@@ -72,6 +72,35 @@ fn a_dvl_that_drifts_is_no_step_of_an_accelerometer() {
     }
 }
 
+/// One axis of the DVL repeats its value for three minutes, while the others vary with the vehicle and its noise.
+#[test]
+fn a_channel_of_the_dvl_that_is_stuck_is_left_out_alone() {
+    for channel in ["vel_y", "vel_z"] {
+        let stuck = format!(
+            "sensor.dvl.simulation.faults=[{{ type = \"stuck\", from = \"300 s\", to = \"480 s\", \
+             channels = [\"{channel}\"] }}]"
+        );
+        assert_eq!(dive(&stuck), all("dvl"), "{channel}");
+        for seed in ["seed=1", "seed=2"] {
+            let assembly = scenario(QUICKSTART, &[seed, &stuck], |s| s.assemble(None).unwrap());
+            let summary = runner::run(assembly, &AtomicBool::new(false), |_| {}).summary;
+            // an error above 4.5 sigma is in one of 15 000 components of a consistent filter
+            let errors = summary.rows.iter().filter_map(|row| Some((row, row.error.as_ref()?)));
+            let pairs = errors.flat_map(|(row, errors)| errors.iter().zip(&row.error_sigma));
+            let worst = pairs.map(|(error, sigma)| (error / sigma).abs()).fold(0.0, f64::max);
+            assert!(worst < 4.5, "{channel}, {seed}: {worst}");
+            assert_eq!(summary.verdict.severity(), Severity::Contained, "{channel}, {seed}");
+        }
+    }
+}
+
+/// A vehicle that falls upwards: velocity log and depth contradict the filter from the same second on.
+#[test]
+fn an_accelerometer_of_the_wrong_sign_is_named_by_those_that_contradict_it() {
+    let sign = "sensor.imu.simulation.faults=[{ type = \"sign\", from = \"440 s\", channels = [\"accel_z\"] }]";
+    assert_eq!(dive(sign), all("imu"));
+}
+
 /// No DVL sends a sample 0.2 s before it has measured it: the other clock is late.
 #[test]
 fn an_imu_whose_samples_are_late_is_named_where_those_of_the_dvl_seem_to_be_early() {

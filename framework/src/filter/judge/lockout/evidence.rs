@@ -42,6 +42,8 @@ saved!(Largest { channel, sigmas });
 #[derive(Clone, Copy)]
 pub(in crate::filter) struct Judged<'a> {
     pub(in crate::filter) sensor: &'a str,
+    /// The driving sensor, if there is one.
+    pub(in crate::filter) driver: Option<&'a str>,
     pub(in crate::filter) time: Time,
     pub(in crate::filter) nis: f64,
     pub(in crate::filter) threshold: f64,
@@ -58,7 +60,7 @@ impl<'a> Judged<'a> {
     pub(super) fn none(sensor: &'a str, time: Time) -> Self {
         let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
         let largest = Largest { channel: 0, sigmas: f64::NAN };
-        Self { sensor, time, nis, threshold, m: 0, channels: 0, share, largest }
+        Self { sensor, driver: None, time, nis, threshold, m: 0, channels: 0, share, largest }
     }
 }
 

@@ -67,8 +67,17 @@ impl Sensor {
         let time = Time::from_nanos((time * 1e9).round() as i64);
         let largest = Largest { channel: 0, sigmas: nis };
         let (m, channels) = (1, 1);
-        let sample =
-            Judged { sensor: "depth", time, nis, threshold: 10.0, m, channels, share, largest };
+        let sample = Judged {
+            sensor: "depth",
+            driver: None,
+            time,
+            nis,
+            threshold: 10.0,
+            m,
+            channels,
+            share,
+            largest,
+        };
         self.lockout.judge(&sample, evidence, &self.recovery, &mut self.reports)
     }
 
@@ -230,7 +239,8 @@ fn a_jump_is_judged_by_the_usual_nis_of_the_samples_that_passed() {
     let time = Time::from_nanos(11_000_000_000);
     let largest = Largest { channel: 0, sigmas: 1.0 };
     let (nis, threshold, m, channels, share) = (6.0, 10.0, 2, 0b11, 1.0);
-    let sample = Judged { sensor: "depth", time, nis, threshold, m, channels, share, largest };
+    let sample =
+        Judged { sensor: "depth", driver: None, time, nis, threshold, m, channels, share, largest };
     sensor.lockout.judge(&sample, GOOD, &sensor.recovery, &mut sensor.reports);
     assert!((sensor.lockout.spread - 1.04).abs() < 1e-12, "{}", sensor.lockout.spread);
 }

@@ -22,6 +22,10 @@ pub(super) const SENSOR: &str = "look at the sensor's samples from then on; its 
 pub(super) const NOISE: &str = "the uncertainty was too small: raise the noise of the driving sensor, or \
                                 the priors, until the innovations are consistent";
 
+/// Remedy where the driving sensor is at fault, or its noise.
+const DRIVER: &str = "look at its samples from then on, and at its axes, unit and mounting; if they are right, the \
+                      uncertainty was too small: raise its noise, or the priors, until the innovations are consistent";
+
 /// What the filter does where it has to go on with a sensor that it contradicts.
 pub(super) const INFLATED: &str = "the covariance is inflated and this sample is used";
 
@@ -60,6 +64,18 @@ fn report(
     observer: &mut dyn Observer,
 ) {
     let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
+    observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
+
+/// Reports that the filter was wrong, since several sensors contradict it: an error of the driving sensor is in all of them.
+pub(super) fn drives_wrong(sample: &Judged<'_>, lock_out: &str, observer: &mut dyn Observer) {
+    let &Judged { sensor, driver, time, .. } = sample;
+    let (about, text, remedy) = match driver {
+        Some(driver) => (driver, format!("{sensor} {lock_out}"), DRIVER),
+        None => (sensor, lock_out.to_owned(), NOISE),
+    };
+    let (severity, basis) = (Severity::DoNotUse, Basis::Comparison);
+    let (about, remedy) = (about.to_owned(), remedy.to_owned());
     observer.finding(Finding { time, about, severity, basis, text, remedy });
 }
 
