@@ -277,6 +277,17 @@ pub trait Linearised: Estimator {
         self.base_mut().restore(snapshot);
     }
 
+    /// Number of the sensor and time of each sample that was used first and found to be wrong.
+    fn wrong(&mut self) -> &mut Vec<(usize, Time)> {
+        self.base_mut().wrong()
+    }
+
+    /// Reports from now on no case that is in doubt for a while, unless one is in doubt now, at the end of the run:
+    /// a smoother knows the decisions.
+    fn foresee(&mut self) {
+        self.base_mut().foresee();
+    }
+
     /// Returns to a snapshot, which becomes that of the estimator before.
     fn exchange(&mut self, snapshot: &mut Snapshot) {
         let before = self.snapshot();

@@ -15,7 +15,7 @@ use crate::compose::estimator::Linearised;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::screening::Spread;
 use crate::model::process::{Input, Interval};
-use crate::model::record::Observer;
+use crate::model::record::{Observer, Rejection};
 use crate::model::sensor::Role;
 use crate::model::sensor::roster::Changes;
 use crate::state::Layout;
@@ -39,6 +39,8 @@ pub struct Ekf {
     pub(super) changes: Changes,
     /// Trajectory at which a further pass of the smoother linearises.
     pub(super) guide: Option<Box<Guide>>,
+    /// Set where the estimate is reported without the cases that are in doubt: they are decided later in the run.
+    pub(super) decides: bool,
     /// Everything that changes while the filter runs.
     pub(super) parts: Parts,
 }
@@ -68,6 +70,7 @@ impl Ekf {
             stepper: Stepper::new(&composition, method),
             changes: Changes::default(),
             guide: None,
+            decides: false,
             parts,
             layout,
             composition,
@@ -106,7 +109,9 @@ impl Ekf {
         let index = sample.sensor.0;
         let sensor = &self.composition.sensors[index];
         let is_input = matches!(sensor.role, Role::Input(_));
-        if let Some(rejection) = self.parts.sensors[index].refuses(sensor, sample, is_input) {
+        let wrong = self.knows_wrong(sample, observer).then_some(Rejection::Isolated);
+        let refuses = || self.parts.sensors[index].refuses(sensor, sample, is_input);
+        if let Some(rejection) = wrong.or_else(refuses) {
             self.reject(sample, rejection, observer);
             self.lose_past(sample);
             return Ok(());
@@ -219,11 +224,11 @@ impl Ekf {
 
     /// Propagates the covariance over the last step, or over all steps that the pool holds.
     fn move_covariance(&mut self, observer: &mut dyn Observer) {
-        let Parts { propagation, estimate, sensors, branch, .. } = &mut self.parts;
+        let Parts { propagation, estimate, sensors, branch, firsts, .. } = &mut self.parts;
         let transition = propagation.move_covariance(&self.stepper, &mut estimate.covariance);
         observer.transition(transition);
         estimate.follow(self.guide.as_deref_mut(), &self.layout, transition);
-        transition.carry_reaches(followed(sensors, branch));
+        transition.carry_reaches(followed(sensors, branch, firsts));
         observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
         self.mix();
     }

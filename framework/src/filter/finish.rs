@@ -13,8 +13,13 @@ impl Ekf {
         self.finish_screening(observer);
         self.finish_pace(observer);
         let time = self.state().time;
-        if let Some(branch) = self.parts.branch.as_ref().filter(|branch| branch.is_in_doubt()) {
-            branch.finish(time, &self.composition.sensors, observer);
+        if let Some(branch) = self.parts.branch.take() {
+            if branch.is_in_doubt() {
+                branch.finish(time, &self.composition.sensors, observer);
+            } else {
+                self.decide_first(&branch, false, observer);
+            }
+            self.parts.branch = Some(branch);
         }
         let all = || self.parts.sensors.iter().zip(&self.composition.sensors);
         for (slot, sensor) in all() {

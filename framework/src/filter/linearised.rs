@@ -8,6 +8,7 @@ use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Rejection};
 use crate::state::covariance::Covariance;
 use crate::units::sample::Sample;
+use crate::units::time::Time;
 use std::io;
 
 impl Linearised for Ekf {
@@ -28,6 +29,12 @@ impl Linearised for Ekf {
     }
     fn restore(&mut self, snapshot: &Snapshot) {
         self.restore(snapshot);
+    }
+    fn wrong(&mut self) -> &mut Vec<(usize, Time)> {
+        &mut self.parts.wrong
+    }
+    fn foresee(&mut self) {
+        self.decides = self.parts.estimate.mixture.is_none();
     }
     fn exchange(&mut self, snapshot: &mut Snapshot) {
         if let Some(parts) = snapshot.kept_mut() {

@@ -18,6 +18,7 @@ use crate::compose::Composition;
 use crate::compose::snapshot::Kept;
 use crate::state::State;
 use crate::state::covariance::Reach;
+use crate::units::time::Time;
 
 /// Everything that changes while the filter runs, in parts that own their state; a clone is a
 /// snapshot.
@@ -38,6 +39,10 @@ pub(super) struct Parts {
     pub(super) sensors: Vec<SensorSlot>,
     /// The case that the filter does not follow, while the evidence decides for neither.
     pub(super) branch: Option<Branch>,
+    /// For each sensor of which the first sample may be wrong, the case that it is.
+    pub(super) firsts: Vec<Branch>,
+    /// Sensor and time of the first samples that were wrong.
+    pub(super) wrong: Vec<(usize, Time)>,
     /// Score tests for unmodelled errors; `None` where they do not hold, or no longer hold.
     pub(super) signatures: Option<Signatures>,
     /// Monitor and detectors.
@@ -61,6 +66,8 @@ impl Saved for Parts {
             propagation,
             sensors,
             branch,
+            firsts,
+            wrong,
             signatures,
             watch,
             clones,
@@ -75,6 +82,10 @@ impl Saved for Parts {
         io.part("processes", |io| io.pass(propagation));
         sensors.iter_mut().for_each(|slot| io.part(slot.name.clone(), |io| io.pass(slot)));
         io.part("branch", |io| io.pass(branch));
+        io.part("first samples", |io| {
+            io.pass(firsts);
+            io.pass(wrong);
+        });
         io.part("signatures", |io| io.while_there(signatures));
         io.part("monitor and detectors", |io| io.pass(watch));
         io.part("past states", |io| io.each(clones));
@@ -112,9 +123,10 @@ impl Kept for Parts {
 pub(super) fn followed<'a>(
     sensors: &'a mut [SensorSlot],
     branch: &'a mut Option<Branch>,
+    firsts: &'a mut [Branch],
 ) -> impl Iterator<Item = &'a mut Reach> {
     let reaches = sensors.iter_mut().map(|slot| &mut slot.reach);
-    reaches.chain(branch.iter_mut().map(|branch| &mut branch.effect))
+    reaches.chain(branch.iter_mut().chain(firsts).map(|branch| &mut branch.effect))
 }
 
 impl Parts {
@@ -130,6 +142,8 @@ impl Parts {
             screening: Screening::new(composition),
             sensors: composition.sensors.iter().map(slot).collect(),
             branch: None,
+            firsts: Vec::new(),
+            wrong: Vec::new(),
             signatures: Signatures::new(composition, propagation.transition()),
             propagation,
             watch: Watch::new(composition),

@@ -1,6 +1,7 @@
 //! What a filter shows of itself: estimate, layout, truth and snapshots.
 
 use super::ekf::Ekf;
+use super::judge::branch::Branch;
 use super::judge::split::mixture;
 use super::parts::Parts;
 use crate::compose::Composition;
@@ -28,15 +29,17 @@ impl Ekf {
 
     /// The covariance at the state's time, where that of the filter is behind.
     fn present(&self) -> Option<Covariance> {
-        let Parts { estimate, propagation, branch, .. } = &self.parts;
+        let Parts { estimate, propagation, branch, firsts, .. } = &self.parts;
         if !propagation.is_behind() {
             return None;
         }
-        let (mut covariance, mut branch) = (estimate.covariance.clone(), branch.clone());
+        let mut covariance = estimate.covariance.clone();
+        let cases = branch.iter().chain(firsts).filter(|_| !self.decides);
+        let mut cases: Vec<Branch> = cases.cloned().collect();
         propagation.preview(&mut covariance, |transition| {
-            transition.carry_reaches(branch.iter_mut().map(|branch| &mut branch.effect));
+            transition.carry_reaches(cases.iter_mut().map(|case| &mut case.effect));
         });
-        Some(mixture(branch.as_ref(), &covariance).unwrap_or(covariance))
+        Some(mixture(&cases, &covariance).unwrap_or(covariance))
     }
 
     /// Layout of state and covariance.
@@ -76,6 +79,9 @@ impl Ekf {
     pub fn restore(&mut self, snapshot: &Snapshot) {
         if let Some(parts) = snapshot.kept() {
             self.parts.clone_from(parts);
+            if self.decides {
+                self.parts.estimate.mixture = None;
+            }
         }
     }
 

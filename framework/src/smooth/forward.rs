@@ -7,6 +7,7 @@
 //! more than a segment, every second one is dropped and the length doubles.
 
 use super::adjoint::Adjoint;
+use super::again::repeat_from;
 use super::course;
 use super::error::SmoothError;
 use super::estimate::Row;
@@ -253,7 +254,7 @@ impl Forward {
         ekf: &mut dyn Linearised,
         course: Option<Box<dyn Course>>,
     ) -> Result<Result<(), EstimatorError>, SmoothError> {
-        ekf.restore(&self.first);
+        repeat_from(ekf, &self.first);
         match course {
             Some(course) => ekf.follow_course(course),
             None => ekf.leave_course(),

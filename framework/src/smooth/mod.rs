@@ -14,6 +14,7 @@
 //! step is a linear map of the error, and each correction one with an innovation.
 
 mod adjoint;
+mod again;
 mod change;
 mod course;
 mod error;

@@ -16,6 +16,11 @@ pub(super) fn smooth(
     ekf: &mut dyn Linearised,
     passes: u32,
 ) -> Result<Smoothed, SmoothError> {
+    ekf.foresee();
+    // the filter has followed a wrong first sample until the others outweighed it
+    if !ekf.wrong().is_empty() {
+        drop(forward.repeat(ekf, None)?);
+    }
     let mut best = Smoothed::of(forward, ekf, passes > 1)?;
     if passes == 1 {
         return Ok(best);

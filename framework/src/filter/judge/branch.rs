@@ -66,11 +66,28 @@ pub(in crate::filter) struct Branch {
     began: f64,
     /// Set if the gate refused the first sample.
     gated: bool,
+    /// Set if the first sample alone is wrong in this case.
+    once: bool,
+    /// Time of a first sample that the filter has taken back, where the case is that it was right.
+    pub(super) first: Option<Time>,
     /// Of each sensor, of the filter and of this case.
     whiteness: Vec<[Whiteness; 2]>,
 }
 
-saved!(Branch { sensor, since, effect, offset, variance, ended, odds, began, gated, whiteness });
+saved!(Branch {
+    sensor,
+    since,
+    effect,
+    offset,
+    variance,
+    ended,
+    odds,
+    began,
+    gated,
+    once,
+    first,
+    whiteness,
+});
 
 /// The offset of some channels that a sample gives.
 struct Offset {
@@ -152,6 +169,8 @@ impl Branch {
             odds,
             began,
             gated: false,
+            once: false,
+            first: None,
             whiteness,
         })
     }
@@ -169,6 +188,27 @@ impl Branch {
     pub(super) fn even(mut self) -> Self {
         (self.odds, self.began) = (0.0, 0.0);
         self
+    }
+
+    /// The case that this sample is wrong, and none after it.
+    pub(super) fn once(mut self) -> Self {
+        self.once = true;
+        self
+    }
+
+    /// The opposite case of a filter that has taken a first sample back: that sample was right, and those
+    /// that contradict it since a time are off by as much. Nothing decides yet.
+    pub(super) fn reversed(self, since: Time) -> Self {
+        let offset = self.offset.iter().map(|d| -d).collect();
+        let (first, whiteness) = (Some(self.since), Vec::new());
+        let opposite =
+            Self { since, offset, ended: false, once: false, gated: true, first, ..self };
+        Self { whiteness, ..opposite.even() }
+    }
+
+    /// Decides that the sensor was right.
+    pub(super) fn overrule(&mut self) {
+        self.odds = f64::NEG_INFINITY;
     }
 
     /// Probability that the sensor is wrong.
@@ -234,6 +274,18 @@ impl Branch {
             self.estimate(&t, update);
         }
         update.correct_for(&mut self.effect, &t);
+        self.ended |= self.once && of.sensor == self.sensor;
+    }
+
+    /// Corrects the offset by a sample that the filter refuses, although it fits this case. A filter that had
+    /// not used the first sample would correct its states too, so that `M` is larger than it need be.
+    pub(super) fn learn(&mut self, of: Measured, update: &Update, limit: f64) {
+        let t = self.seen(of, update);
+        let (m, y) = (update.m, DVector::from_column_slice(&update.innovation));
+        let s = DMatrix::from_row_slice(m, m, &update.s) + &t * self.variance() * t.transpose();
+        if Fit::of(&(y - &t * self.offset()), s).is_some_and(|fit| fit.nis <= limit) {
+            self.estimate(&t, update);
+        }
     }
 
     /// Corrects the offset by a sample.
@@ -320,142 +372,4 @@ impl Branch {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The first channel of the sensor, and both.
-    const ONE: Measured = Measured { sensor: SENSOR, present: 1 };
-    const BOTH: Measured = Measured { sensor: SENSOR, present: 3 };
-
-    /// A place with the sigma 0.4 m at zero, a sensor whose samples jump to 10 m after a silence, and another
-    /// one.
-    struct Place {
-        value: f64,
-        covariance: Covariance,
-        branch: Branch,
-        time: i64,
-    }
-
-    const SENSOR: usize = 0;
-    const OTHER: usize = 1;
-    const LIMIT: f64 = 15.1;
-
-    /// A sample of the place.
-    fn sample(value: f64, innovation: f64, noise: f64) -> Update {
-        let mut update = Update::with_capacity(1, 1);
-        update.m = 1;
-        update.columns.push(0);
-        (update.h, update.r) = (vec![1.0], vec![noise * noise]);
-        update.innovation = vec![innovation - value];
-        update
-    }
-
-    impl Place {
-        /// The filter has followed a sample at 10 m.
-        fn new() -> Self {
-            Self::after(10.0, 0.02, Some(100.0))
-        }
-
-        /// The filter has used a first sample, which the gate refused if the covariance was widened.
-        fn after(first: f64, noise: f64, widened: Option<f64>) -> Self {
-            let mut covariance = Covariance::zero(1);
-            covariance.set(0, 0, 0.16);
-            let mut update = sample(0.0, first, noise);
-            update.innovate(&covariance);
-            let since = Time::MIN;
-            let branch = Branch::new(ONE, &[1], since, &update, 1).unwrap_or_default();
-            let branch = if widened.is_some() { branch.refused() } else { branch };
-            covariance.set(0, 0, widened.unwrap_or(0.16));
-            let mut place = Self { value: 0.0, covariance, branch, time: 0 };
-            place.apply(SENSOR, update, since);
-            place
-        }
-
-        fn apply(&mut self, sensor: usize, mut update: Update, time: Time) {
-            update.innovate(&self.covariance);
-            update.apply(&mut self.covariance, &[false]);
-            self.value += update.delta[0];
-            self.branch.correct(Measured { sensor, present: 1 }, &update, time);
-        }
-
-        fn take(&mut self, sensor: usize, value: f64, noise: f64) -> &mut Self {
-            self.time += 1;
-            let mut update = sample(self.value, value, noise);
-            let nis = update.innovate(&self.covariance).unwrap_or(f64::NAN);
-            self.branch.weigh(Measured { sensor, present: 1 }, &update, LIMIT);
-            if nis <= LIMIT {
-                self.apply(sensor, update, Time::from_nanos(self.time));
-            }
-            self
-        }
-    }
-
-    /// The offset of 10 m and its variance of 0.16 m^2 count half.
-    #[test]
-    fn the_mixture_contains_both_cases_while_only_the_sensor_itself_speaks() {
-        let mut place = Place::new();
-        for k in 0..1000 {
-            place.take(SENSOR, 10.0 + 0.02 * f64::from(k % 3 - 1), 0.02);
-        }
-        assert!(place.branch.odds.abs() < 0.1, "{}", place.branch.odds);
-        assert_eq!(place.branch.decided(), None);
-        let mixed = place.branch.mixed(&place.covariance, place.branch.weight());
-        assert!((mixed.get(0, 0) - 0.5 * 100.16).abs() < 0.5, "{}", mixed.get(0, 0));
-    }
-
-    #[test]
-    fn another_sensor_decides_for_either_case_and_not_by_one_sample() {
-        for (value, wrong) in [(0.2, true), (10.2, false)] {
-            let mut place = Place::new();
-            assert_eq!(place.take(OTHER, value, 0.3).branch.decided(), None);
-            assert_eq!(place.take(OTHER, value, 0.3).branch.decided(), Some(wrong), "{value}");
-            assert!(!place.branch.ended);
-        }
-    }
-
-    /// The filter without the sensor has used 0.3 m with a sigma of 0.3 m: 0.16 / 0.25 of it, and the variance
-    /// 0.16 * 0.09 / 0.25.
-    #[test]
-    fn the_case_has_the_estimate_of_a_filter_that_never_used_the_sensor() {
-        let mut place = Place::after(1.0, 0.02, None);
-        place.take(OTHER, 0.3, 0.3);
-        let moved = place.branch.follow(&mut place.covariance);
-        assert!((place.value + moved[0] - 0.192).abs() < 1e-12, "{} {moved:?}", place.value);
-        assert!((place.covariance.get(0, 0) - 0.0576).abs() < 1e-12);
-    }
-
-    /// 1.6 m are four sigma: `L = exp(16 / 2 - 1 / 2) / 4`, and a thousandth of it 0.45. 0.4 m are one sigma.
-    #[test]
-    fn a_sample_that_the_gate_passes_is_doubted_by_its_innovation() {
-        let odds = |value: f64| Place::after(value, 0.0, None).branch.odds.exp();
-        assert!((odds(1.6) - 1e-3 * 7.5f64.exp() / 4.0).abs() < 1e-9, "{}", odds(1.6));
-        assert!(
-            (odds(0.4) - 1e-3).abs() < 1e-9 && !Place::after(0.4, 0.0, None).branch.is_in_doubt()
-        );
-        assert!(Place::after(1.6, 0.0, None).branch.is_in_doubt());
-        assert!(Place::after(10.0, 0.02, Some(100.0)).branch.odds.abs() < 1e-9);
-    }
-
-    /// A position of 2 m and a velocity of zero, which an error of the filter would correlate by 0.9.
-    #[test]
-    fn the_offset_is_in_the_channels_that_contradict_the_others() {
-        let mut update = Update::with_capacity(2, 2);
-        update.m = 2;
-        update.s.extend([1.0, 0.9, 0.9, 1.0]);
-        update.innovation.extend([2.0, 0.0]);
-        let branch = Branch::new(BOTH, &[1, 2], Time::MIN, &update, 2);
-        let branch = branch.unwrap_or_default();
-        assert_eq!((branch.offset_channels(), branch.offsets()), (1, &[2.0][..]));
-        assert!((branch.variance[0] - 0.19).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_sensor_that_comes_back_was_wrong_and_one_that_jumps_elsewhere_decides_nothing() {
-        let mut place = Place::new();
-        place.take(SENSOR, 10.0, 0.02).take(SENSOR, 0.3, 0.02).take(SENSOR, 0.3, 0.02);
-        assert_eq!((place.branch.decided(), place.branch.ended), (Some(true), true));
-        let mut place = Place::new();
-        place.take(SENSOR, 10.0, 0.02).take(SENSOR, -30.0, 0.02).take(SENSOR, -30.0, 0.02);
-        assert_eq!((place.branch.decided(), place.branch.ended), (None, false));
-    }
-}
+mod tests;

@@ -98,6 +98,11 @@ impl Judgement {
     pub(in crate::filter) fn passed(nis: f64, threshold: f64) -> Self {
         Self { verdict: Verdict::Pass, outcome: Outcome::Accepted, nis, threshold }
     }
+
+    /// The judgement on a sample that the gate refuses, whatever the lock-out.
+    pub(in crate::filter) fn refused(nis: f64, threshold: f64) -> Self {
+        Self { verdict: Verdict::Gate, outcome: Outcome::Gated, nis, threshold }
+    }
 }
 
 impl Ekf {
@@ -311,7 +316,8 @@ impl Ekf {
 
     /// Inflates the covariance until the innovation is plausible, and returns the new NIS.
     fn recover(&mut self, attempt: &Attempt<'_>, nis: f64) -> f64 {
-        let Parts { estimate, sensors, signatures, watch, .. } = &mut self.parts;
+        let Parts { estimate, sensors, firsts, signatures, watch, .. } = &mut self.parts;
+        firsts.clear();
         let (update, reach) = (&mut self.work.update, &sensors[attempt.index].reach);
         let unseen = update.unseen(&self.considered, attempt.present, reach);
         let nis = inflate(update, &mut estimate.covariance, &self.considered, &unseen, nis);
@@ -358,10 +364,13 @@ impl Ekf {
         (attempt, judgement): (&Attempt<'_>, &Judgement),
         observer: &mut dyn Observer,
     ) {
-        let Parts { estimate, sensors, signatures, propagation, .. } = &mut self.parts;
+        let Parts { estimate, sensors, firsts, signatures, propagation, .. } = &mut self.parts;
         let Work { update, lower, .. } = &mut self.work;
         let &Attempt { sample, index, present, model, .. } = attempt;
         let slot = &mut sensors[index];
+        for first in firsts {
+            first.learn(attempt.measured(), update, slot.thresholds[update.m]);
+        }
         if let Some(signatures) = signatures.as_mut().filter(|_| estimate.offset.is_none()) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };
             let along = (&at, propagation.transition());

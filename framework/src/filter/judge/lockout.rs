@@ -30,6 +30,7 @@ mod words;
 pub(in crate::filter) use evidence::{
     Conviction, Evidence, Isolation, Judged, Largest, Streak, Verdict,
 };
+pub(in crate::filter) use words::first_was_wrong;
 use words::{
     CONTRADICTED, EARLIER, EITHER, INFLATED, JUMPED, NOISE, REPLACED, SENSOR, coasted,
     drives_wrong, find, lasts_on, log,
@@ -55,7 +56,7 @@ const RETURN: u32 = 5;
 /// Ratio of gated samples that agree with each other to those used before, from which on the filter
 /// follows the gated ones. If nothing but the sensor itself decides, one of the two stretches is wrong,
 /// and a sensor that is wrong at random times is wrong in the shorter one at the odds of their lengths.
-const MAJORITY: u64 = 10;
+pub(in crate::filter) const MAJORITY: u64 = 10;
 
 /// Number of times that the filter follows a sensor until it is clear that this ends nothing.
 const LASTING: u32 = 3;
@@ -72,7 +73,7 @@ pub(in crate::filter) struct Lockout {
     channels: Arc<[Arc<str>]>,
     /// Time of the last judged sample, and of the last used one.
     last: Option<Time>,
-    used: Option<Time>,
+    pub(in crate::filter) used: Option<Time>,
     rhythm: Rhythm,
     /// Mean NIS of the used samples for each channel.
     spread: f64,
@@ -85,7 +86,7 @@ pub(in crate::filter) struct Lockout {
     /// Set for a sensor, and not for a rule that the scenario states as one.
     measures: bool,
     /// Number of used samples since the start or the last recovery.
-    accepted: u64,
+    pub(in crate::filter) accepted: u64,
 }
 
 saved!(Lockout {

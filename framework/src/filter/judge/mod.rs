@@ -5,6 +5,7 @@ pub(super) mod branch;
 pub(super) mod curvature;
 mod detect;
 pub(super) mod factor;
+pub(super) mod first;
 pub(super) mod gate;
 pub(super) mod groups;
 pub(super) mod lockout;

@@ -33,8 +33,9 @@ impl Ekf {
         };
         let Parts { estimate, branch: own, .. } = &mut self.parts;
         let doubts = own.as_ref().is_some_and(Branch::is_in_doubt);
+        let of_first = own.as_ref().is_some_and(|own| own.first.is_some());
         // a further pass knows the decisions of the first one
-        if estimate.offset.is_some() || doubts && !branch.is_in_doubt() {
+        if estimate.offset.is_some() || of_first || doubts && !branch.is_in_doubt() {
             return;
         }
         if let Some(before) = own.replace(branch)
@@ -57,6 +58,8 @@ impl Ekf {
     /// Ends a branch that is decided. If the sensor was wrong, the filter goes on with the estimate of that
     /// case, and isolates the channels that are still off.
     pub(in crate::filter) fn decide(&mut self, observer: &mut dyn Observer) {
+        self.take_back(observer);
+        self.outvote_first();
         let branch = &mut self.parts.branch;
         if let Some(wrong) = branch.as_ref().and_then(Branch::decided)
             && let Some(branch) = branch.take()
@@ -65,13 +68,14 @@ impl Ekf {
             if wrong {
                 self.change_to(&branch);
             }
+            self.decide_first(&branch, wrong, observer);
             let slot = &mut self.parts.sensors[branch.sensor];
             if wrong {
                 let channels = branch.offset_channels();
                 slot.reach.remember(channels, branch.offsets());
                 let conviction = Conviction { since, at: time, channels };
                 slot.lockout.convict(conviction, &slot.name, observer);
-            } else if branch.was_in_doubt() {
+            } else if branch.was_in_doubt() && branch.first.is_none() {
                 let text = format!("the filter was off at {since}, not the sensor");
                 observer.event(Event { time, level: Level::Info, about: slot.name.clone(), text });
             }
@@ -80,7 +84,7 @@ impl Ekf {
     }
 
     /// Goes on with the estimate of a branch. The tests begin again, since they followed the wrong samples.
-    fn change_to(&mut self, branch: &Branch) {
+    pub(super) fn change_to(&mut self, branch: &Branch) {
         let Parts { estimate, sensors, signatures, propagation, watch, history, .. } =
             &mut self.parts;
         let mut delta = branch.follow(&mut estimate.covariance);
@@ -95,16 +99,19 @@ impl Ekf {
 
     /// Reports from now on the mixture of filter and branch, while there is a doubt.
     pub(in crate::filter) fn mix(&mut self) {
-        let Parts { estimate, branch, .. } = &mut self.parts;
-        estimate.mixture = mixture(branch.as_ref(), &estimate.covariance);
+        let Parts { estimate, branch, firsts, .. } = &mut self.parts;
+        let cases = branch.iter().chain(&*firsts).filter(|_| !self.decides);
+        estimate.mixture = mixture(cases, &estimate.covariance);
     }
 }
 
-/// The mixture of a filter with that covariance and the branch, while there is a doubt.
-pub(in crate::filter) fn mixture(
-    branch: Option<&Branch>,
+/// The mixture of a filter with that covariance and the cases that are in doubt; none without such a case.
+pub(in crate::filter) fn mixture<'a>(
+    cases: impl IntoIterator<Item = &'a Branch>,
     covariance: &Covariance,
 ) -> Option<Covariance> {
-    let doubted = branch.filter(|branch| branch.is_in_doubt());
-    doubted.map(|branch| branch.mixed(covariance, branch.weight()))
+    let doubted = cases.into_iter().filter(|case| case.is_in_doubt());
+    doubted.fold(None, |mixed, case| {
+        Some(case.mixed(mixed.as_ref().unwrap_or(covariance), case.weight()))
+    })
 }

@@ -45,7 +45,7 @@ impl Ekf {
     }
 
     fn take_clones(&mut self, at: usize, observer: &mut dyn Observer) {
-        let Parts { estimate, clones, sensors, branch, .. } = &mut self.parts;
+        let Parts { estimate, clones, sensors, branch, firsts, .. } = &mut self.parts;
         let clones = &mut clones[at];
         clones.take(&self.layout, estimate);
         clones.taken = true;
@@ -54,7 +54,7 @@ impl Ekf {
             guide.carry(offset, &clones.transition);
             observer.corrected(&offset.d);
         }
-        clones.transition.carry_reaches(followed(sensors, branch));
+        clones.transition.carry_reaches(followed(sensors, branch, firsts));
     }
 
     /// Gives every past block the value of its source when the filter begins; no sensor has taken it

@@ -115,10 +115,10 @@ impl Ekf {
 
     /// Replaces the error of a block.
     fn replace(&mut self, mut change: Transition, observer: &mut dyn Observer) {
-        let Parts { estimate, sensors, branch, .. } = &mut self.parts;
+        let Parts { estimate, sensors, branch, firsts, .. } = &mut self.parts;
         change.propagate(&mut estimate.covariance);
         observer.transition(&change);
-        change.carry_reaches(followed(sensors, branch));
+        change.carry_reaches(followed(sensors, branch, firsts));
     }
 
     /// Logs that a block was added with a label, or marginalised.

@@ -75,16 +75,21 @@ impl Ekf {
         if let Some(others) = self.without_stuck(&mut attempt, observer) {
             nis = others;
         }
-        let nis = self.explain_by_noise(&attempt, nis, observer);
-        let nis = self.explain_by_error(&attempt, nis, observer);
+        nis = self.explain_by_noise(&attempt, nis, observer);
+        if !self.weigh_firsts(&attempt) {
+            nis = self.explain_by_error(&attempt, nis, observer);
+        }
         self.watch_velocity(attempt.index);
         self.weigh(&attempt);
-        let doubt = self.doubt(&attempt);
-        if let Some(bad) = self.failing(&attempt, nis) {
+        let (doubt, first) = (self.doubt(&attempt), self.doubt_first(&attempt));
+        if let Some(judgement) = self.takes_back(&attempt, nis) {
+            self.conclude(&attempt, &judgement, observer)?;
+        } else if let Some(bad) = self.failing(&attempt, nis) {
             self.correct_by_groups(&attempt, (bad, doubt), observer)?;
         } else {
             let judgement = self.judge(&attempt, nis, observer);
             self.part(doubt, judgement.verdict);
+            self.follow_first(first, judgement.verdict);
             self.conclude(&attempt, &judgement, observer)?;
         }
         self.adopt_offset(attempt.index);
@@ -321,6 +326,7 @@ impl Ekf {
             propagation,
             sensors,
             branch,
+            firsts,
             signatures,
             watch,
             transients,
@@ -355,8 +361,8 @@ impl Ekf {
         for other in sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
-        if let Some(branch) = branch {
-            branch.correct(attempt.measured(), update, sample.time);
+        for case in branch.iter_mut().chain(firsts) {
+            case.correct(attempt.measured(), update, sample.time);
         }
         if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let at = At { layout: &self.layout, state: &estimate.state, sample };

@@ -3,6 +3,7 @@
 //! Passes take whole steps from the trajectory of the filter, then from that of a run without one, and
 //! then short steps, which stay where the linear model holds.
 
+use super::super::again::repeat_from;
 use super::super::change::Change;
 use super::super::means::{Points, Records};
 use super::super::recording::{Pass, Recording};
@@ -236,7 +237,7 @@ impl Record {
         observer: &mut dyn Observer,
     ) -> Result<(), String> {
         self.pass.clear();
-        ekf.restore(&self.first);
+        repeat_from(ekf, &self.first);
         if open {
             ekf.open_gates();
         }

@@ -14,6 +14,10 @@ pub(super) const JUMPED: &str =
 pub(super) const EARLIER: &str = "check the earlier samples, which the filter followed, and exclude them if \
                                   they are wrong; otherwise check the prior";
 
+/// Remedy where the first sample was wrong.
+const FIRST: &str = "nothing, if single samples of this sensor are wrong now and then; otherwise look at \
+                     what it sends while it starts";
+
 /// Remedy where the sensor is at fault.
 pub(super) const SENSOR: &str = "look at the sensor's samples from then on; its range, mounting and \
                                  settings may have changed";
@@ -77,6 +81,16 @@ pub(super) fn drives_wrong(sample: &Judged<'_>, lock_out: &str, observer: &mut d
     let (severity, basis) = (Severity::DoNotUse, Basis::Comparison);
     let (about, remedy) = (about.to_owned(), remedy.to_owned());
     observer.finding(Finding { time, about, severity, basis, text, remedy });
+}
+
+/// The finding at a time that the first sample of a sensor was wrong.
+pub(in crate::filter) fn first_was_wrong(sensor: &str, since: Time, time: Time) -> Finding {
+    let (severity, basis) = (Severity::Contained, Basis::Comparison);
+    let text = format!(
+        "the first sample, at {since}, was wrong, since those after it contradict it; the filter continues as \
+         if it had not used it"
+    );
+    Finding { time, about: sensor.to_owned(), severity, basis, text, remedy: FIRST.to_owned() }
 }
 
 /// Reports a sensor that contradicts the filter again and again after it has followed it: an error of the estimate,
