@@ -368,7 +368,7 @@ impl Lockout {
                     } else {
                         (Severity::DoNotUse, "", EITHER)
                     };
-                    let first = !self.adopted;
+                    let first = !self.adopted && evidence.shared;
                     self.adopted |= !replaced;
                     if self.accepted > MAJORITY * count {
                         self.alone = 0;
@@ -378,9 +378,7 @@ impl Lockout {
                     let text = format!("{lock_out}{reason}; {INFLATED}");
                     match self.alone {
                         times @ LASTING.. if !replaced => lasts_on(sample, times, &text, observer),
-                        _ if first && evidence.shared && !replaced => {
-                            drives_wrong(sample, &text, observer);
-                        }
+                        _ if first && !replaced => drives_wrong(sample, &text, observer),
                         _ => find(sample, severity, text, remedy, observer),
                     }
                 }
