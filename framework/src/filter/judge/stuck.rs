@@ -109,16 +109,17 @@ impl Stuck {
 /// Finding about channels that are stuck while the others of their samples vary.
 pub(in crate::filter) fn stuck_channels(time: Time, sensor: &SensorInfo, stuck: u16) -> Finding {
     let names: Vec<_> = channels(stuck).map(|c| sensor.channel(c)).collect();
-    let (repeat, are) =
-        if names.len() > 1 { ("repeat their values", "are") } else { ("repeats its value", "is") };
+    let (repeat, are) = match names.len() {
+        1 => ("repeats its value", "it is"),
+        _ => ("repeat their values", "they are"),
+    };
     Finding {
         time,
         about: sensor.name.clone(),
         severity: Severity::Contained,
         basis: Basis::Samples,
         text: format!(
-            "stuck: {} {repeat} while the other channels vary; it scattered before, and {are} left out from \
-             now on",
+            "stuck: {} {repeat} while the other channels vary; {are} left out from now on",
             names.join(", ")
         ),
         remedy: "look at the instrument and at its driver, which may repeat old values".to_owned(),
