@@ -158,21 +158,8 @@ impl Branch {
         let odds = WRONG + ln;
         let effect = Reach::of_offset(n, set);
         let (offset, variance) = (d.as_slice().to_vec(), variance.as_slice().to_vec());
-        let (ended, began, whiteness) = (false, odds, Vec::new());
-        Some(Self {
-            sensor,
-            since,
-            effect,
-            offset,
-            variance,
-            ended,
-            odds,
-            began,
-            gated: false,
-            once: false,
-            first: None,
-            whiteness,
-        })
+        let began = odds;
+        Some(Self { sensor, since, effect, offset, variance, odds, began, ..Self::default() })
     }
 
     /// Notes that the gate refuses the first sample: the filter may be off as well, at the same rate.

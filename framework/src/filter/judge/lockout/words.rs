@@ -73,14 +73,12 @@ fn report(
 
 /// Reports that the filter was wrong, since several sensors contradict it: an error of the driving sensor is in all of them.
 pub(super) fn drives_wrong(sample: &Judged<'_>, lock_out: &str, observer: &mut dyn Observer) {
-    let &Judged { sensor, driver, time, .. } = sample;
-    let (about, text, remedy) = match driver {
-        Some(driver) => (driver, format!("{sensor} {lock_out}"), DRIVER),
-        None => (sensor, lock_out.to_owned(), NOISE),
+    let (about, text, remedy) = match sample.driver {
+        Some(driver) => (driver, format!("{} {lock_out}", sample.sensor), DRIVER),
+        None => (sample.sensor, lock_out.to_owned(), NOISE),
     };
-    let (severity, basis) = (Severity::DoNotUse, Basis::Comparison);
-    let (about, remedy) = (about.to_owned(), remedy.to_owned());
-    observer.finding(Finding { time, about, severity, basis, text, remedy });
+    let of = Judged { sensor: about, ..*sample };
+    find(&of, Severity::DoNotUse, text, remedy, observer);
 }
 
 /// The finding at a time that the first sample of a sensor was wrong.
