@@ -1,4 +1,4 @@
-//! The pages of the runs to look at of a campaign: each is run once more.
+//! The pages of the runs to look at of a campaign or a sweep: each is run once more.
 
 use crate::error::Result;
 use crate::execution::history::{observability, recorded, tracker};
@@ -13,6 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Number of runs of a campaign for each page: a page costs a run.
 const RUNS: usize = 10;
+/// Greatest number of pages.
+const MOST: usize = 5;
 
 /// What repeats a run of a campaign.
 #[derive(Clone, Copy)]
@@ -25,18 +27,19 @@ pub struct Again<'a> {
 
 impl Again<'_> {
     /// Writes the pages of the first runs to look at into a folder, and returns their files: one for each
-    /// ten runs of a campaign with one point. None where it was interrupted.
+    /// ten runs of a campaign or of a sweep. None where it was interrupted.
     pub fn pages(self, campaign: &Campaign, results: &Results, out: &Path) -> Result<Vec<PathBuf>> {
-        let [statistics] = &results.points[..] else { return Ok(Vec::new()) };
-        let runs: Vec<usize> = to_look_at(statistics).take(campaign.runs / RUNS).collect();
+        let most = MOST.min(campaign.runs * results.points.len() / RUNS);
+        let mut jobs = to_look_at(results);
+        jobs.truncate(most);
         let mut pages = Vec::new();
-        for runs in runs.chunks(self.threads) {
+        for jobs in jobs.chunks(self.threads) {
             let some = std::thread::scope(|scope| {
-                let begin = |run: &usize| {
-                    let run = *run;
-                    scope.spawn(move || self.page(campaign, run))
+                let begin = |job: &Job| {
+                    let job = *job;
+                    scope.spawn(move || self.page(campaign, job))
                 };
-                let threads: Vec<_> = runs.iter().map(begin).collect();
+                let threads: Vec<_> = jobs.iter().map(begin).collect();
                 let ended = threads.into_iter().map(|thread| {
                     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
                 });
@@ -55,12 +58,14 @@ impl Again<'_> {
     }
 
     /// The page of a run.
-    fn page(self, campaign: &Campaign, run: usize) -> Result<String> {
-        let scenario = campaign.scenario(self.registry, self.document, Job { point: 0, run })?;
+    fn page(self, campaign: &Campaign, job: Job) -> Result<String> {
+        let scenario = campaign.scenario(self.registry, self.document, job)?;
         let bar = Bar::new(false);
         let (mut history, mut finished) = recorded(&scenario, vec![tracker()], self.stop, &bar)?;
         let observed = observability(&history.name, &mut finished);
-        history.name = format!("{}, run {run}", history.name);
+        let at: Vec<String> =
+            campaign.settings(job.point).iter().map(|s| format!("{s}, ")).collect();
+        history.name = format!("{}, {}run {}", history.name, at.concat(), job.run);
         Ok(navfuse_report::page::report(&history, observed.as_ref())?)
     }
 }

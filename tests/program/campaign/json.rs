@@ -40,6 +40,32 @@ fn the_page_of_a_campaign_leads_to_the_page_of_its_worst_run() {
     assert!(!folder.path().join("worst-2.html").exists());
 }
 
+/// Two points of five runs are ten, and so have one page: that of the worst run of both points.
+#[test]
+fn the_page_of_a_sweep_lists_the_worst_run_of_each_point_and_leads_to_the_worst_of_all() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().display().to_string();
+    let vary = ["--vary", "sensor.dvl.noise=1 cm/s,5 mm/s", "--runs", "5", "--out", &out];
+    output(&[&["sweep", &path("quickstart")], &vary[..], &SHORT].concat());
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("a page");
+    let report = json(&folder.path().join("report.json"));
+    let points = report["points"].as_array().expect("the points");
+    let page = read("campaign.html");
+    for point in points {
+        let again = point["worst"]["again"].as_str().expect("how to repeat the run");
+        let again = again.replace('"', "&quot;");
+        assert!(page.contains(&again), "{again}");
+    }
+    let nees = |point: &&Value| point["worst"]["nees"].as_f64().expect("a NEES");
+    let worst = points.iter().max_by(|a, b| nees(a).total_cmp(&nees(b))).expect("a point");
+    let link = format!("<a href=\"worst-1.html\">{}</a>", worst["worst"]["run"]);
+    assert!(page.contains(&link), "{link}");
+    let (run, key) = (read("worst-1.html"), format!("sensor.dvl.noise={}", worst["values"][0]));
+    assert!(run.contains(&format!("seed = {}", worst["worst"]["seed"])), "{worst}");
+    assert!(run.contains(&key.replace('"', "")), "{key}");
+    assert!(!folder.path().join("worst-2.html").exists());
+}
+
 #[test]
 fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     let folder = tempfile::tempdir().expect("a folder");

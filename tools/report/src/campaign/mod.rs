@@ -7,17 +7,29 @@ use crate::page::{document, footer, picture, scenario_section, titled};
 use maud::{Markup, html};
 use navfuse_campaign::words::{band, begins, number, ratio, three};
 use navfuse_campaign::{
-    Band, Campaign, Component, Judged, PointReport, PointStatistics, Results, StateReport,
+    Band, Campaign, Component, Job, Judged, PointReport, PointStatistics, Results, StateReport,
+    WorstRun,
 };
 use navfuse_figures::{Figure, FigureError};
 
-/// Number of runs that the page lists, the largest NEES first.
+/// Number of runs of a campaign that the page lists, the largest NEES first.
 const LISTED: usize = 5;
 
-/// Returns the runs to look at: those that ended early, then those with the largest NEES.
-pub fn to_look_at(statistics: &PointStatistics) -> impl Iterator<Item = usize> {
-    let failed = statistics.failures.iter().map(|(run, _)| *run);
-    failed.chain(statistics.worst().into_iter().map(|(run, _)| run)).take(LISTED)
+/// Returns the runs to look at: those that ended early, then those with the largest NEES; of a sweep, the
+/// worst run of each point.
+pub fn to_look_at(results: &Results) -> Vec<Job> {
+    if let [statistics] = &results.points[..] {
+        let failed = statistics.failures.iter().map(|(run, _)| *run);
+        let runs = failed.chain(statistics.worst().into_iter().map(|(run, _)| run));
+        return runs.take(LISTED).map(|run| Job { point: 0, run }).collect();
+    }
+    let points = results.report.points.iter().enumerate();
+    let mut worst: Vec<_> =
+        points.filter_map(|(point, report)| Some((point, report.worst.as_ref()?))).collect();
+    // a run that ended early has no NEES
+    let nees = |worst: &WorstRun| worst.nees.unwrap_or(f64::INFINITY);
+    worst.sort_by(|a, b| nees(b.1).total_cmp(&nees(a.1)));
+    worst.into_iter().map(|(point, worst)| Job { point, run: worst.run }).collect()
 }
 
 /// Writes the page of a campaign, a bound or a sweep with its figures. `shown` selects the
@@ -49,7 +61,7 @@ pub fn page(
             nav {
                 a href="#result" { "Result" }
                 a href="#tables" { "Tables" }
-                @if ran.is_some() { a href="#runs" { "Runs" } }
+                @if campaign.runs > 0 { a href="#runs" { "Runs" } }
                 a href="#plots" { "Figures" }
                 a href="#scenario" { "Scenario" }
             }
@@ -70,7 +82,7 @@ pub fn page(
                     @else { (bound(report, statistics)) }
                 } @else { (grid(campaign, results, shown)) }
             }
-            @if let Some((report, statistics)) = ran {
+            @if campaign.runs > 0 {
                 section #runs {
                     h2 { "Runs" }
                     @if let Some((figure, beyond)) = &histogram {
@@ -80,7 +92,7 @@ pub fn page(
                             @if *beyond > 0 { " " (beyond) " runs lie beyond the right edge." }
                         })?)
                     }
-                    (worst(campaign, report, statistics, pages))
+                    (worst(campaign, results, pages))
                 }
             }
             section #plots {
@@ -282,42 +294,47 @@ fn grid(campaign: &Campaign, results: &Results, shown: impl Fn(&Component) -> bo
 }
 
 /// Lists the runs to look at, each with a link to its page or with the command that writes one.
-fn worst(
-    campaign: &Campaign,
-    point: &PointReport,
-    statistics: &PointStatistics,
-    pages: &[String],
-) -> Markup {
-    let reason = |run: usize| statistics.failures.iter().find(|f| f.0 == run).map(|f| &f.1);
-    let nees = |run: usize| statistics.nees.iter().find(|n| n.0 == run).map(|n| n.1);
+fn worst(campaign: &Campaign, results: &Results, pages: &[String]) -> Markup {
+    let reason = |job: Job| {
+        let failures = &results.points[job.point].failures;
+        failures.iter().find(|failure| failure.0 == job.run).map(|failure| &failure.1)
+    };
+    let nees = |job: Job| {
+        let all = &results.points[job.point].nees;
+        all.iter().find(|nees| nees.0 == job.run).map(|nees| nees.1)
+    };
+    let expected = results.report.points.first().and_then(|point| point.anees.first());
     html! {
         h3 { "Runs to look at" }
         div.wide { table {
             thead { tr {
+                @for key in &campaign.keys { th { (key) } }
                 th { "run" } th { "NEES" } th.name { "run it again" }
             } }
-            tbody { @for (k, run) in to_look_at(statistics).enumerate() {
-                @let reason = reason(run);
+            tbody { @for (k, job) in to_look_at(results).into_iter().enumerate() {
+                @let reason = reason(job);
                 tr.first {
+                    @for value in &results.report.points[job.point].values { th { (value) } }
                     th { @match pages.get(k) {
-                        Some(page) => a href=(page) { (run) },
-                        None => (run),
+                        Some(page) => a href=(page) { (job.run) },
+                        None => (job.run),
                     } }
                     td {
-                        @match nees(run).filter(|_| reason.is_none()) {
+                        @match nees(job).filter(|_| reason.is_none()) {
                             Some(nees) => (format!("{nees:.1}")),
                             None => "-",
                         }
                     }
                     td.text {
                         @if let Some(reason) = reason { span.bad { (reason) ": " } }
-                        code { "navfuse report SCENARIO " (campaign.again(0, run)) }
+                        code { "navfuse report SCENARIO " (campaign.again(job.point, job.run)) }
                     }
                 }
             } }
         } }
         p.note {
-            "Expected NEES: " (point.anees.first().map_or(0, |a| a.dimension)) ", the number of "
+            @if !campaign.keys.is_empty() { "The worst run of each point. " }
+            "Expected NEES: " (expected.map_or(0, |a| a.dimension)) ", the number of "
             "states with a known error. "
             @if !pages.is_empty() { "A number with a link leads to the page of that run. " }
             "SCENARIO is the file of " (campaign.scenario) "."
