@@ -6,6 +6,7 @@ use crate::corner::Place;
 use crate::legend::{CLOCK, WATCHED_CLOCK};
 use crate::recording::{APPLICATION, Axis, SECONDS, TIMELINE};
 use crate::style::path;
+use crate::time_axis::end_of_axis;
 use re_sdk::blueprint::components::{Corner2D, PanelState, PlayState, ViewClass};
 use re_sdk::blueprint::{
     BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel,
@@ -79,7 +80,7 @@ pub struct Layout {
     pub axis: Axis,
     /// Gives the next plots a legend.
     pub legend: bool,
-    /// The corner of the legend: the one that the lines cover least.
+    /// The corner of the legend.
     pub corner: Corner2D,
 }
 
@@ -136,7 +137,7 @@ impl Layout {
         messages.into_iter().map(slim).collect()
     }
 
-    /// Gives the next plot a legend where that covers no data, and one that `needs` it in any case: returns
+    /// Gives the next plot a legend where that covers no line, and one that `needs` it in any case: returns
     /// the range of a plot of that many pixels with room for it.
     pub(crate) fn legend_at(
         &mut self,
@@ -188,12 +189,12 @@ impl Layout {
         let view = ContainerLike::from(view.with_contents(contents));
         let range_of_time = self.range_of_time(start);
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(range_of_time));
-        // a layout has hundreds of plots, and what is the viewer's default takes a kilobyte in each
-        match (self.legend, self.corner) {
-            (false, _) => self.set(&view, "PlotLegend", PlotLegend::new().with_visible(false)),
-            (true, Corner2D::RightBottom) => {}
-            (true, corner) => self.set(&view, "PlotLegend", PlotLegend::new().with_corner(corner)),
-        }
+        // the viewer's own corner is another one in each version
+        let legend = match self.legend {
+            true => PlotLegend::new().with_corner(self.corner),
+            false => PlotLegend::new().with_visible(false),
+        };
+        self.set(&view, "PlotLegend", legend);
         if let Some([low, high]) = range.filter(|_| self.ranges) {
             let range = axis::range(low, high, pixels);
             self.set(&view, "ScalarAxis", ScalarAxis::new().with_range(range));
@@ -210,8 +211,9 @@ impl Layout {
         let bound = |time: Option<i64>| {
             time.map_or(TimeRangeBoundary::Infinite, |t| TimeRangeBoundary::Absolute(TimeInt(t)))
         };
-        let start = start.or(self.span.map(|s| s.0)).map(|nanos| self.axis.time(nanos));
-        let end = self.span.map(|s| self.axis.time(s.1));
+        let start = start.or(self.span.map(|s| s.0));
+        let end = start.zip(self.span).map(|(start, span)| end_of_axis(start, span.1));
+        let [start, end] = [start, end].map(|time| time.map(|nanos| self.axis.time(nanos)));
         TimeRange { start: bound(start), end: bound(end) }
     }
 

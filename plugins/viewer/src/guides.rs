@@ -10,6 +10,8 @@ const PIXELS: f64 = 176.0;
 /// Time for which a value counts at least, and at most twice as long, s. The two lines stay in view for the time
 /// that the plots show: longer times would keep ranges of values that have left the plot.
 const LASTS: f64 = 30.0;
+/// Height of what is kept free for the legend above the lines, as a share of their own height.
+const LEGEND: f64 = 0.4;
 /// The range of no value.
 const NOTHING: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
 
@@ -38,6 +40,7 @@ impl Guides {
             self.latest = [self.latest[0].min(*value), self.latest[1].max(*value)];
         }
         let [low, high] = [self.latest[0].min(self.before[0]), self.latest[1].max(self.before[1])];
+        let high = high + LEGEND * (high - low);
         if low <= high { axis::range(low, high, PIXELS) } else { [f64::NAN; 2] }
     }
 }
@@ -58,6 +61,8 @@ mod tests {
         for k in 1..=100 {
             let range = guides.take(at(k), &[0.1, 0.4, -0.4]);
             assert!(ticks(range, PIXELS) >= TICKS && range[0] <= -0.4, "{k}: {range:?}");
+            // the legend has room above the lines
+            assert!(range[1] >= 0.4 + LEGEND * 0.8, "{k}: {range:?}");
             assert_eq!(range[1] > 7.0, k <= 61, "{k}: {range:?}");
         }
     }

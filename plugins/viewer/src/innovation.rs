@@ -58,6 +58,8 @@ pub struct Plot {
     pub range: [f64; 2],
     /// Place of the legend.
     pub legend: Place,
+    /// Set where marks at the edge stand for innovations beyond it: the legend has their size.
+    pub beyond: bool,
 }
 
 /// The series of one measuring sensor.
@@ -247,7 +249,7 @@ impl SensorSeries {
     ) -> Result<(), StreamError> {
         let count = 1 + self.channels.iter().filter(|channel| channel.is_shown(false)).count();
         let [columns, rows] = grid(count);
-        let size = Legend { lines: 0, letters: 0, columns, rows };
+        let size = Legend { lines: shades.lines(), letters: 0, columns, rows };
         for (k, channel) in self.channels.iter_mut().enumerate() {
             channel.write(recording, k, (span, size))?;
             if let Some(plot) = &channel.plot {
@@ -319,10 +321,10 @@ impl SensorSeries {
         drawn.extend(marks.iter().map(|(time, [nis])| (*time, alone(*nis))));
         let refused = self.rejected.iter().flat_map(|(_, history)| history.rows());
         drawn.extend(refused.map(|(time, _)| (time, alone(self.level))));
-        let size = Legend { lines, letters, ..size };
-        let legend = quietest(&drawn, (|row: &[f64; 5]| *row, 2), (span, range), size);
+        let size = Legend { lines: size.lines + lines, letters, ..size };
+        let legend = quietest(&drawn, |row: &[f64; 5]| *row, (span, range), size);
         let name = format!("{} NIS per channel [10^y]", self.name);
-        self.nis = Some(Plot { name, range, legend });
+        self.nis = Some(Plot { name, range, legend, beyond: false });
         all.iter_mut().try_for_each(|series| series.flush(recording))
     }
 }
@@ -418,9 +420,9 @@ impl Innovations {
         let inside = any(&|value| value.abs() <= size);
         let beyond = any(&|value| value > size) + any(&|value| value < -size);
         let letters = if beyond > 0 { 34 } else { name.chars().count() };
-        let of = Legend { lines: 2 + inside + beyond, letters, ..window };
-        let legend = quietest(&drawn, (|row: &[f64; 3]| *row, 1), (span, range), of);
-        self.plot = Some(Plot { name, range, legend });
+        let of = Legend { lines: window.lines + 2 + inside + beyond, letters, ..window };
+        let legend = quietest(&drawn, |row: &[f64; 3]| *row, (span, range), of);
+        self.plot = Some(Plot { name, range, legend, beyond: beyond > 0 });
         [line, bounds, marks, above, below]
             .iter_mut()
             .try_for_each(|series| series.flush(recording))

@@ -21,14 +21,14 @@ pub const CLOCK: [&str; 1] = ["clock"];
 pub const WATCHED_CLOCK: [&str; 1] = ["clock_live"];
 /// The strip of the verdict; strips are in the order of their names.
 pub const ASSESSMENT: &str = "assessment";
-/// Least distance of two times, s, of a run that has ended, and of one that viewers watch: their timeline has
-/// whole seconds, and the second time of a second would replace the first.
+/// Least distance of two times of a run that has ended, s.
 const LEAST: f64 = 1e-3;
-const WATCHED: f64 = 1.0;
+/// Least distance of a time from the begin of a run that viewers watch, ns, and the distances from there on, in
+/// each power of ten. The timeline of viewers has whole seconds.
+const WATCHED: i64 = 10_000_000_000;
+const STEPS: [i64; 3] = [1, 2, 5];
 /// Colours of the strip of seconds, in turns.
 const SHADES: [Colour; 2] = [[44, 48, 56], [66, 72, 82]];
-/// Width of the strips in a usual window (1600x1000), pixels.
-const USUAL: f64 = 720.0;
 /// Gap behind a word of the strip of colours, pixels: the lane of a sensor has none between its states.
 const GAP: f64 = 6.0;
 
@@ -117,14 +117,15 @@ pub fn write_verdict(
 /// # Errors
 /// When the recording cannot be written.
 pub fn write_clock(recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-    let (entity, marks) = (path(&CLOCK), marks(span, BESIDE, LEAST));
+    let (entity, marks) = (path(&CLOCK), marks(span));
     recording.log_static(&entity, &look_of(&marks))?;
     let mut marks = marks.into_iter();
     marks.try_for_each(|mark| recording.log(&entity, mark, &StateChange::single(seconds(mark))))
 }
 
-/// The strip of seconds while a run goes on, whose marks are farther apart the longer it takes. Viewers keep the
-/// first marks, which would cut the words of the strip of the whole run: that one is another entity.
+/// The strip of seconds while a run goes on. Viewers keep each mark that they were sent, and a word stands at the
+/// begin of its piece: marks at equal distances would leave the words of a longer run no room. The strip of the
+/// whole run is another entity.
 #[derive(Debug, Default)]
 pub struct Clock {
     /// The state that viewers have at each time, ns.
@@ -137,47 +138,47 @@ impl Clock {
     /// # Errors
     /// When the strip cannot be encoded.
     pub fn show(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        let (named, changes) = self.changes(&marks(span, BESIDE, WATCHED), span);
+        let changes = self.changes(span);
         if changes.is_empty() {
             return Ok(());
         }
         let entity = path(&WATCHED_CLOCK);
-        recording.log_static_to_viewers(&entity, &look_of(&named))?;
+        let marks: Vec<i64> = self.written.keys().copied().collect();
+        recording.log_static_to_viewers(&entity, &look_of(&marks))?;
         changes.into_iter().try_for_each(|(mark, state)| {
             recording.log_to_viewers(&entity, mark, &StateChange::single(state))
         })
     }
 
-    /// The states that make the strip one with about these marks, in a run between those times, ns, and the
-    /// times that have words. A mark that is none any more still begins a piece, and a word stands at the
-    /// begin of a piece. So a stretch begins with the first piece of its time that has room for the word of
-    /// its own begin.
-    fn changes(
-        &mut self,
-        marks: &[i64],
-        (first, last): (i64, i64),
-    ) -> (Vec<i64>, Vec<(i64, String)>) {
-        let begins: BTreeSet<i64> = self.written.keys().chain(marks).copied().collect();
-        let pixels = |length: i64| USUAL * length as f64 / (last - first).max(1) as f64;
-        let end = |begin: i64| begins.range(begin + 1..).next().copied().unwrap_or(last);
-        let named = marks.iter().enumerate().filter_map(|(k, mark)| {
-            let next = marks.get(k + 1).copied().unwrap_or(i64::MAX);
-            let room = |begin: &i64| has_room(&seconds(*begin), pixels(end(*begin) - begin));
-            begins.range(*mark..next).copied().find(room)
-        });
-        let named: Vec<i64> = named.collect();
-        let state = |begin: &i64| {
-            let last = named.iter().rfind(|mark| *mark <= begin);
-            let word = seconds(last.copied().unwrap_or(first));
-            (*begin, if last == Some(begin) { word } else { without_word(&word) })
+    /// The states that are new in a run between those times, ns: words that came, and those that have no room
+    /// any more.
+    fn changes(&mut self, (first, last): (i64, i64)) -> Vec<(i64, String)> {
+        let marks = watched_marks((first, last));
+        let ends = marks.iter().skip(1).chain([&last]);
+        let state = |(mark, end): (&i64, &i64)| {
+            let pixels = BESIDE * (end - mark) as f64 / (last - first).max(1) as f64;
+            let word = seconds(*mark);
+            (*mark, if has_room(&word, pixels) { word } else { without_word(&word) })
         };
-        let all: BTreeMap<i64, String> = begins.iter().map(state).collect();
-        let old = std::mem::replace(&mut self.written, all.clone());
-        let changes = all.into_iter().filter(|(time, state)| old.get(time) != Some(state));
-        let before = (named.first() != Some(&first)).then_some(first);
-        let changes = changes.collect();
-        (before.into_iter().chain(named).collect(), changes)
+        let all = marks.iter().zip(ends).map(state);
+        let written = &mut self.written;
+        all.filter(|(mark, state)| written.insert(*mark, state.clone()).as_ref() != Some(state))
+            .collect()
     }
+}
+
+/// The begin of a run and round times after it, ns, at distances of 10, 20, 50, 100, ... seconds.
+fn watched_marks((first, last): (i64, i64)) -> Vec<i64> {
+    let decades = std::iter::successors(Some(WATCHED), |decade| decade.checked_mul(10));
+    let within = decades.take_while(|decade| *decade <= last.saturating_sub(first));
+    let marks = within.flat_map(|decade| {
+        STEPS.map(|step| {
+            (first.saturating_add(step.saturating_mul(decade))).div_euclid(decade) * decade
+        })
+    });
+    let marks = marks.filter(|mark| (first + 1..=last).contains(mark));
+    let all: BTreeSet<i64> = std::iter::once(first).chain(marks).collect();
+    all.into_iter().collect()
 }
 
 /// The look of the strip of seconds with those marks.
@@ -190,14 +191,13 @@ fn look_of(marks: &[i64]) -> StateConfiguration {
         .with_colors(shades.flat_map(|[r, g, b]| [Color::from_rgb(r, g, b); 2]))
 }
 
-/// The begin of a run and the round times in it, ns, on a strip of that width, pixels, and at least that
-/// far apart, s.
-fn marks((first, last): (i64, i64), width: f64, least: f64) -> Vec<i64> {
+/// The begin of a run and the round times in it, ns, whose words fit into the strip of a small window.
+fn marks((first, last): (i64, i64)) -> Vec<i64> {
     let run = (last - first) as f64 * 1e-9;
-    let step = (crate::plan::round(run / TIMES).max(least) * 1e9) as i64;
+    let step = (crate::plan::round(run / TIMES).max(LEAST) * 1e9) as i64;
     let round = (first / step + 1..=last / step).map(|k| k * step).filter(|mark| *mark > first);
     // the first and the last stretch have room for their words, too
-    let pixels = |length: i64| width * length as f64 * 1e-9 / run.max(1e-9);
+    let pixels = |length: i64| BESIDE * length as f64 * 1e-9 / run.max(1e-9);
     let first_word = seconds(first);
     let round = round.skip_while(|mark| !has_room(&first_word, pixels(mark - first)));
     let round = round.filter(|mark| has_room(&seconds(*mark), pixels(last - mark)));
@@ -238,36 +238,38 @@ mod tests {
         }
     }
 
-    /// Viewers keep what they were sent: once the marks are 50 s apart instead of 20 s, those at 20, 40, 60
-    /// and 80 s still begin pieces. In a run of 250 s a word of 3 letters needs 29 of 720 pixels, 11 s, and one
-    /// of 4 letters 13 s: from 50 s on, the piece from 60 s on has room, and its word names its own begin.
+    /// In a run of 2300 s a strip of 480 pixels has 21 for the 100 s from 100 s on, and `100 s` needs 43. So
+    /// the first word is at a tenth of the run.
     #[test]
-    fn every_word_of_a_longer_run_stands_at_the_time_that_it_names() {
+    fn the_words_of_a_run_that_goes_on_stand_at_their_times_and_begin_near_its_begin() {
         let second = 1_000_000_000;
-        let of = |marks: &[i64]| marks.iter().map(|s| s * second).collect::<Vec<_>>();
         let mut clock = Clock::default();
-        let (_, first) = clock.changes(&of(&[0, 20, 40, 60, 80]), (0, 100 * second));
-        assert_eq!(first[1], (20 * second, "20 s".to_owned()));
-        assert_eq!(first.len(), 5);
-        let span = (0, 250 * second);
-        let (named, then) = clock.changes(&of(&[0, 50, 100]), span);
-        let expected = [(20, "0 s "), (40, "0 s "), (50, "0 s "), (80, "60 s "), (100, "100 s")];
-        let expected = expected.map(|(time, state)| (time * second, state.to_owned()));
-        assert_eq!((named, then), (of(&[0, 60, 100]), expected.to_vec()));
-        assert_eq!(clock.changes(&of(&[0, 50, 100]), span).1, []);
-        // in a run of 4000 s the first piece with room for its word is the one from 100 s on
-        let (named, _) = clock.changes(&of(&[0, 500]), (0, 4000 * second));
-        assert_eq!(named, of(&[0, 100, 500]));
-        for (time, word) in clock.written.iter().filter(|(_, word)| !word.ends_with(' ')) {
-            assert_eq!(*word, seconds(*time));
-        }
+        let mut words = |last: i64| {
+            clock.changes((0, last * second));
+            let shown = clock.written.iter().filter(|(_, state)| !state.ends_with(' '));
+            let shown: Vec<i64> = shown.map(|(mark, _)| mark / second).collect();
+            for (mark, state) in &clock.written {
+                assert_eq!(state.trim_end(), seconds(*mark));
+            }
+            shown
+        };
+        assert_eq!(words(5), [0]);
+        assert_eq!(words(100), [0, 10, 20, 50]);
+        assert_eq!(words(250), [20, 50, 100, 200]);
+        assert_eq!(words(1430), [200, 500, 1000]);
+        assert_eq!(words(2300), [200, 500, 1000, 2000]);
+        assert_eq!(words(9_000), [1000, 2000, 5000]);
+        assert_eq!(clock.changes((0, 9_000 * second)), []);
+        let late = watched_marks((1250 * second, 4000 * second));
+        let expected = [1250, 1260, 1270, 1300, 1400, 1700, 2000, 3000];
+        assert_eq!(late, expected.map(|mark| mark * second));
     }
 
     #[test]
     fn the_seconds_are_round_and_few_and_each_has_room() {
         for (first, last) in [(0, 630), (100, 699), (0, 2880), (0, 86_400), (-7, 6)] {
             let [from, to] = [first, last].map(|s| s * 1_000_000_000);
-            let marks = marks((from, to), BESIDE, LEAST);
+            let marks = marks((from, to));
             assert_eq!(marks[0], from);
             assert!((4..=10).contains(&marks.len()), "{first} {last}: {marks:?}");
             let run = (to - from) as f64;
@@ -280,10 +282,10 @@ mod tests {
         assert_eq!([0, 2_500_000_000, -1].map(seconds), ["0 s", "2.5 s", "0 s"]);
     }
 
-    /// A watched run of 3 s whose first sample is at 20.3 s.
+    /// A watched run whose first sample is at 29.5 s.
     #[test]
     fn no_time_of_a_watched_run_replaces_another_one_of_its_second() {
-        let marks = marks((20_300_000_000, 23_300_000_000), BESIDE, WATCHED);
-        assert_eq!(marks.iter().map(|mark| whole(*mark)).collect::<Vec<_>>(), [20, 21, 22, 23]);
+        let marks = watched_marks((29_500_000_000, 80_000_000_000));
+        assert_eq!(marks.iter().map(|mark| whole(*mark)).collect::<Vec<_>>(), [29, 30, 40, 70]);
     }
 }

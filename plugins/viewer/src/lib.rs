@@ -78,6 +78,7 @@ mod strokes;
 pub mod style;
 mod tab;
 mod tally;
+mod time_axis;
 mod track;
 pub mod viewer;
 

@@ -3,13 +3,8 @@
 use crate::axis::{self, Scale};
 use crate::corner::{Legend, Place, quietest};
 use crate::history::Row;
+use crate::time_axis::end_of_run;
 
-/// Share of the run at its end that has plots of its own.
-const END: f64 = 0.25;
-/// Largest number of labels on the time axis of a narrow plot, of some 340 pixels.
-const LABELS: f64 = 6.0;
-/// Share of such a plot beside a label that is not cut.
-const BESIDE: f64 = 0.12;
 /// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
 /// the rest of the plot.
 const BEGIN: f64 = 0.1;
@@ -106,10 +101,10 @@ impl Plots {
             ((first, last), |r: &[f64; 4]| [error(r)[0], error(r)[2], error(r)[3]]);
         let both = |r: &[f64; 4]| [r[1], r[3].abs()].map(f64::log10);
         let legends = Legends {
-            value: quietest(rows, (value, 2), (span, values[0]), of_value),
-            error: quietest(rows, (within, 1), (span, errors[0]), of_error),
-            sigma: quietest(rows, (both, 2), (span, logarithms), of_sigma),
-            normalised: quietest(rows, (ratio, 1), (span, [-size, size]), of_ratio),
+            value: quietest(rows, value, (span, values[0]), of_value),
+            error: quietest(rows, within, (span, errors[0]), of_error),
+            sigma: quietest(rows, both, (span, logarithms), of_sigma),
+            normalised: quietest(rows, ratio, (span, [-size, size]), of_ratio),
         };
         Some(Self {
             value: scale,
@@ -160,18 +155,6 @@ impl Plots {
     }
 }
 
-/// The time from which on the end of the run has plots of its own, ns: their time axis has a number.
-///
-/// The viewer labels multiples of a power of ten that have room, of which there are few enough.
-pub fn end_of_run(first: i64, last: i64) -> i64 {
-    let length = END * (last - first) as f64;
-    let step = 10f64.powf((length / LABELS).max(1.0).log10().ceil());
-    let beside = BESIDE * length;
-    let tick = step * ((last as f64 - beside) / step).floor();
-    let begin = (last as f64 - length).min(tick - beside);
-    (begin as i64).max(first)
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
@@ -202,24 +185,5 @@ mod tests {
         let before = plots.logarithms;
         plots.include([f64::NAN, 10.0, 0.01].into_iter());
         assert_eq!(plots.logarithms, [before[0], 1.0]);
-    }
-
-    /// The viewer labels the ticks of the smallest power of ten that are 57 pixels apart.
-    #[test]
-    fn the_plots_of_the_end_have_a_number_on_their_time_axis() {
-        for (first, last) in
-            [(5, 400), (10, 400), (0, 630), (60, 630), (0, 700), (0, 1980), (20, 2880), (0, 86_400)]
-        {
-            let begin = end_of_run(first * 1_000_000_000, last * 1_000_000_000) as f64 * 1e-9;
-            let (first, last) = (first as f64, last as f64);
-            let length = last - begin;
-            assert!((0.2..0.5).contains(&(length / (last - first))), "{first} {last}: {begin}");
-            let step = 10f64.powf((length * 57.0 / 340.0).log10().ceil());
-            let tick = step * ((last - 0.05 * length) / step).floor();
-            assert!(
-                tick > begin + 0.05 * length,
-                "{first} to {last}: {begin} has no tick of {step}"
-            );
-        }
     }
 }

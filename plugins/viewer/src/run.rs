@@ -7,7 +7,7 @@ use crate::legend::{self, Clock};
 use crate::quantity::Here;
 use crate::recording::{Axis, Recording};
 use crate::rig::Mount;
-use crate::samples::SampleSeries;
+use crate::samples::{self, SampleSeries};
 use crate::scene;
 use crate::shade::Shades;
 use crate::state::{self, BlockSeries};
@@ -163,7 +163,9 @@ impl Run {
             self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }
         let span = self.span.unwrap_or_default();
-        self.samples.iter_mut().try_for_each(|samples| samples.write(recording, span))?;
+        self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
+        let grid = samples::grid(self.samples.iter().map(|samples| samples.plots.len()).sum());
+        self.samples.iter_mut().for_each(|samples| samples.place(span, grid));
         match &self.track {
             Some(track) => {
                 scene::draw(recording, track, true)?;

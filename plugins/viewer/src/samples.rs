@@ -13,12 +13,24 @@ use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use re_sdk::EntityPath;
 
+/// Greatest number of columns, and number of plots above one another before there is another column.
+const COLUMNS: usize = 4;
+const ROWS: usize = 3;
+
+/// The columns and rows of that many plots of all sensors.
+pub fn grid(count: usize) -> [usize; 2] {
+    let columns = count.div_ceil(ROWS).clamp(1, COLUMNS);
+    [columns, count.div_ceil(columns)]
+}
+
 /// The samples of one sensor.
 pub struct SampleSeries {
     /// The name of the sensor.
     pub name: String,
     /// Plots of channels with the same unit: the entities, and name and range.
     pub plots: Vec<(Vec<EntityPath>, Plot)>,
+    /// The values of each plot, and the letters of its longest name.
+    drawn: Vec<(Vec<Row<1>>, usize)>,
     channels: Vec<(Quantity, EntityPath, History<1>)>,
     /// The first sample's value of each coordinate of a place, from which it is shown.
     origin: Vec<Option<f64>>,
@@ -34,6 +46,7 @@ impl SampleSeries {
         Self {
             name: info.name.clone(),
             plots: Vec::new(),
+            drawn: Vec::new(),
             channels: info.channels.iter().map(channel).collect(),
             origin: vec![None; info.channels.len()],
             gaps: Gaps::default(),
@@ -56,9 +69,7 @@ impl SampleSeries {
     }
 
     /// Writes the whole run.
-    pub fn write(&mut self, recording: &Recording, span: (i64, i64)) -> Result<(), StreamError> {
-        // the values of each plot, and the letters of its longest name
-        let mut drawn: Vec<(Vec<Row<1>>, usize)> = Vec::new();
+    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         for (k, (quantity, entity, history)) in self.channels.iter().enumerate() {
             let rows = history.rows();
             if rows.is_empty() {
@@ -76,7 +87,7 @@ impl SampleSeries {
             }
             series.flush(recording)?;
             let name = label(&format!("{} samples", self.name), unit);
-            let group = self.plots.iter_mut().zip(&mut drawn).find(|(p, _)| p.1.name == name);
+            let group = self.plots.iter_mut().zip(&mut self.drawn).find(|(p, _)| p.1.name == name);
             match group.filter(|_| !quantity.is_place()) {
                 Some(((entities, plot), (values, longest))) => {
                     entities.push(entity.clone());
@@ -89,17 +100,21 @@ impl SampleSeries {
                         true => label(&format!("{} {} from start", self.name, quantity.name), unit),
                         false => name,
                     };
-                    let plot = Plot { name, range, legend: Place::default() };
+                    let plot = Plot { name, range, legend: Place::default(), beyond: false };
                     self.plots.push((vec![entity.clone()], plot));
-                    drawn.push((rows, letters));
+                    self.drawn.push((rows, letters));
                 }
             }
         }
-        for ((entities, plot), (rows, letters)) in self.plots.iter_mut().zip(drawn) {
-            // up to four plots are above one another, in up to three columns
-            let size = Legend { lines: entities.len(), letters, columns: 3, rows: 4 };
-            plot.legend = quietest(&rows, (|row: &[f64; 1]| *row, 1), (span, plot.range), size);
-        }
         Ok(())
+    }
+
+    /// Places the legends in plots that have those columns and rows, in a run between those times, ns.
+    pub fn place(&mut self, span: (i64, i64), [columns, rows]: [usize; 2]) {
+        let drawn = self.drawn.drain(..);
+        for ((entities, plot), (values, letters)) in self.plots.iter_mut().zip(drawn) {
+            let size = Legend { lines: entities.len(), letters, columns, rows };
+            plot.legend = quietest(&values, |row: &[f64; 1]| *row, (span, plot.range), size);
+        }
     }
 }

@@ -48,6 +48,11 @@ impl Shades {
         Self { spans: refused(stretches), run }
     }
 
+    /// Number of lines of a legend: one where there are shades.
+    pub fn lines(&self) -> usize {
+        usize::from(!self.spans.is_empty())
+    }
+
     /// Shades a plot whose values have that range. The viewer draws no areas, so that each shade is a
     /// row of vertical strokes.
     pub fn write(

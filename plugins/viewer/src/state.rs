@@ -117,7 +117,8 @@ impl BlockSeries {
             tally: Tally::default(),
             plots: None,
             history: History::with_rows([0, 3], rows),
-            filtered: History::with_rows([0], rows),
+            // half the rows: with one key instead of two they are as many stretches
+            filtered: History::with_rows([0], rows / 2),
             live: None,
         };
         Self {

@@ -25,7 +25,7 @@ const COLUMNS: usize = 3;
 const BLOCKS: usize = 9;
 /// Number of plots of shares beside one another, and greatest number of them on a page.
 const NARROW: usize = 4;
-const SHARES: usize = 20;
+const SHARES: usize = 12;
 /// Number of rows of a plot of the separation.
 const ROWS: usize = 500;
 /// Bounds of the separation, and its least range, in sigma.
@@ -115,12 +115,15 @@ fn write_channel(
     let (seen, band, expected) = (colour(k), BOUND, MARK);
     let histogram: Vec<_> = all.distribution().collect();
     let width = histogram.first().map_or(1.0, |bar| bar.edges[1] - bar.edges[0]);
-    let counts: Vec<_> = histogram.iter().map(|bar| [bar.edges[0], bar.seen as f64]).collect();
-    bars(recording, (&entity("distribution", "seen"), seen), (&counts, width))?;
-    let total = all.count() as f64;
+    // a percentage has at most two digits, so that the viewer labels several of its ticks
+    let percent = |share: f64| 100.0 * share;
+    let of_all = |seen: f64| percent(seen / all.count().max(1) as f64);
+    let shares = histogram.iter().map(|bar| [bar.edges[0], of_all(bar.seen as f64)]);
+    let shares: Vec<_> = shares.collect();
+    bars(recording, (&entity("distribution", "seen"), seen), (&shares, width))?;
     let thin = EXPECTED * width;
     let beside = 0.5 * (width - thin);
-    let normal = histogram.iter().map(|bar| [bar.edges[0] + beside, bar.probability * total]);
+    let normal = histogram.iter().map(|bar| [bar.edges[0] + beside, percent(bar.probability)]);
     let normal: Vec<_> = normal.collect();
     bars(recording, (&entity("distribution", "expected"), expected), (&normal, thin))?;
     // a bar around its lag
@@ -184,7 +187,8 @@ impl Separation {
         let names = self.components.iter().map(String::as_str).chain(["±3"]);
         let of = |(time, values): &(Time, Vec<f64>)| {
             let time = time.seconds();
-            values.iter().map(|value| [time, *value]).collect::<Vec<_>>()
+            let all = values.iter().copied().chain([BOUNDS, -BOUNDS]);
+            all.map(|value| [time, value]).collect::<Vec<_>>()
         };
         let points: Vec<_> = self.rows.iter().flat_map(of).collect();
         let size = points.iter().map(|p| p[1].abs()).fold(LEAST, f64::max);
@@ -295,8 +299,8 @@ impl Tab for Quality {
             let columns = if channels.len() == COLUMNS + 1 { channels.len() } else { COLUMNS };
             for row in channels.chunks(columns) {
                 for (figure, title) in [
-                    ("distribution", " / sigma; white: normal"),
-                    ("autocorrelation", ", correlation; grey: chance"),
+                    ("distribution", ", ±5 sigma [%]; white: normal"),
+                    ("autocorrelation", ", correlation by lag; grey: chance"),
                 ] {
                     let views = row.iter().map(|(_, (name, _))| {
                         let origin = path(&["quality", &sensor.name, name, figure]);
@@ -312,7 +316,10 @@ impl Tab for Quality {
         if let Some(shares) = self.shares.get() {
             for (page, states) in shares.states.chunks(SHARES).enumerate() {
                 layout.rows = states.len().div_ceil(NARROW);
-                let plots = states.iter().map(|state| plot_shares(layout, &shares.sensors, state));
+                let plots = states.iter().enumerate().map(|(k, state)| {
+                    // one legend explains them all: room for it would flatten the others
+                    plot_shares(layout, (&shares.sensors, k == 0), state)
+                });
                 let plots = plots.collect();
                 tabs.push(page_of("Share of the information", page, (plots, NARROW)));
             }
@@ -335,7 +342,10 @@ fn page_of(
 fn plot_opposed(layout: &mut Layout, all: &Opposed) -> ContainerLike {
     let sizes = all.points.iter().map(|[_, difference, sigma]| difference.abs().max(3.0 * sigma));
     let size = sizes.fold(0.0, f64::max);
-    let points: Vec<_> = all.points.iter().map(|p| [p[0], p[1]]).collect();
+    let lines = |[time, difference, sigma]: &[f64; 3]| {
+        [*difference, 3.0 * sigma, -3.0 * sigma].map(|value| [*time, value])
+    };
+    let points: Vec<_> = all.points.iter().flat_map(lines).collect();
     let names = [all.component.as_str(), "±3σ"];
     let range = layout.legend_beside(&names, &points, COLUMNS, [-size, size]);
     let contents = [format!("+ {}", path(&["quality", "opposed", &all.name]))];
@@ -343,16 +353,23 @@ fn plot_opposed(layout: &mut Layout, all: &Opposed) -> ContainerLike {
 }
 
 /// The plot of the shares in the information about a state.
-fn plot_shares(layout: &mut Layout, sensors: &[String], state: &StateShares) -> ContainerLike {
+fn plot_shares(
+    layout: &mut Layout,
+    (sensors, legend): (&[String], bool),
+    state: &StateShares,
+) -> ContainerLike {
     let of = |(time, shares): &(f64, Vec<f64>)| {
         let time = *time;
         shares.iter().map(|share| [time, *share]).collect::<Vec<_>>()
     };
     let points: Vec<_> = state.rows.iter().flat_map(of).collect();
     let names: Vec<&str> = sensors.iter().map(String::as_str).collect();
-    let range = layout.legend_beside(&names, &points, NARROW, [-0.04, 1.04]);
+    // with its margin the range has a tick at every tenth, in three rows too
+    let range = [0.02, 0.98];
+    let with_legend = layout.legend_beside(&names, &points, NARROW, range);
+    layout.legend &= legend;
     let contents = [format!("+ {}", path(&["quality", "information", &state.title]))];
-    layout.plot(&state.title, &contents, Some(range))
+    layout.plot(&state.title, &contents, Some(if legend { with_legend } else { range }))
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! The tabs of the sensors: innovations, NIS and samples.
 
-use super::ROWS;
 use crate::blueprint::{Layout, height};
 use crate::innovation::{SensorSeries, grid};
-use crate::samples::SampleSeries;
+use crate::samples::{self, SampleSeries};
 use re_sdk::blueprint::{ContainerLike, Grid, Vertical};
 
 impl Layout {
@@ -30,7 +29,7 @@ impl Layout {
                 Some(plot) => {
                     let range = self.legend_at(
                         &plot.legend,
-                        plots.len() < 2,
+                        plots.len() < 2 || plot.beyond,
                         (plot.range, height(self.rows)),
                     );
                     let contents = [format!("+ {}/**", channel.path)];
@@ -62,16 +61,19 @@ impl Layout {
     }
 
     /// The samples of all sensors.
-    pub(super) fn samples(&mut self, samples: &[SampleSeries]) -> Option<ContainerLike> {
-        let count: usize = samples.iter().map(|s| s.plots.len()).sum();
+    pub(super) fn samples(&mut self, all: &[SampleSeries]) -> Option<ContainerLike> {
+        let count = all.iter().map(|s| s.plots.len()).sum();
         if count == 0 {
             return None;
         }
-        let columns = count.div_ceil(ROWS).clamp(1, 3);
-        (self.columns, self.rows) = (columns, count.div_ceil(columns));
+        let [columns, rows] = samples::grid(count);
+        (self.columns, self.rows) = (columns, rows);
         let mut plots = Vec::new();
-        for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
-            let range = self.legend_at(&plot.legend, true, (plot.range, height(self.rows)));
+        for (entities, plot) in all.iter().flat_map(|s| &s.plots) {
+            let several = entities.len() > 1;
+            let range = self.legend_at(&plot.legend, several, (plot.range, height(self.rows)));
+            // the title names a single line
+            self.legend &= several;
             let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
             plots.push(self.plot(&plot.name, &contents, Some(range)));
         }

@@ -1,9 +1,10 @@
 //! The tabs of the states: a row of plots for each component.
 
 use crate::blueprint::{Layout, height};
-use crate::plots::{Plots, end_of_run};
+use crate::plots::Plots;
 use crate::state::BlockSeries;
 use crate::style::{label, powers};
+use crate::time_axis::end_of_run;
 use re_sdk::blueprint::{ContainerLike, Horizontal, Vertical};
 
 impl Layout {
@@ -13,13 +14,12 @@ impl Layout {
         self.rows = count;
         let mut rows: Vec<ContainerLike> = Vec::new();
         let all = || blocks.iter().flat_map(|b| &b.components).filter_map(|c| c.plots.as_ref());
-        // the legend of one row explains its column: room for it would flatten the data of the first row
+        // the legend of one row explains its column: that of the first row has room where no row has any
         let needs =
             [0, 1, 2].map(|column| !all().any(|plots| plots.legends.columns()[column].free));
         for block in blocks {
             for k in 0..block.components.len() {
-                let first = rows.is_empty();
-                self.legend = first;
+                self.legend = rows.is_empty();
                 let name = match (blocks.len(), block.components.len()) {
                     (1, _) => block.components[k].name.clone(),
                     (_, 1) => block.name.replace('_', " "),
@@ -27,7 +27,7 @@ impl Layout {
                 };
                 let plots = match &block.components[k].plots {
                     Some(plots) => {
-                        let needs = needs.map(|needs| needs && first);
+                        let needs = needs.map(|needs| needs && rows.is_empty());
                         self.component(&name, (block, k), plots, needs)
                     }
                     None if self.ranges => continue,

@@ -64,11 +64,13 @@ pub fn write(
     }
     lines.extend(victims.into_iter().chain(others));
     page.push_str("\n**Which sensor was bad, and when?** ");
-    let off: Vec<String> = lanes.iter().filter_map(|lane| off(lane, now)).collect();
+    let drivers = lanes.iter().filter(|lane| lane.drives).map(|lane| format!("**{}**", lane.name));
+    let drivers = drivers.collect::<Vec<_>>().join(" and ");
+    let off: Vec<String> = lanes.iter().filter_map(|lane| off(lane, &drivers, now)).collect();
     if lines.is_empty() {
         let refused = |lane: &SensorLane| lane.outcomes.gated + lane.outcomes.all_rejected();
         match (off.is_empty(), lanes.iter().map(refused).sum::<u64>()) {
-            (false, _) => page.push_str("None sent wrong samples."),
+            (false, _) => page.push_str("None is known to have sent wrong samples."),
             (true, 0) => page.push_str("None: no sample was gated or rejected."),
             (true, _) => {
                 let single = "None for longer than a second: single samples were gated or rejected";
@@ -109,17 +111,18 @@ fn parts_without_a_lane<'a>(lanes: &[SensorLane], verdict: &'a Verdict) -> Vec<&
     others
 }
 
-/// That the filter was off after the last silence of a sensor that it needs, which is no fault of the sensor.
-fn off(lane: &SensorLane, now: Time) -> Option<String> {
+/// That the filter was off after the last silence of a sensor that it needs, which is no fault of the sensor:
+/// the driving sensors may have been off meanwhile.
+fn off(lane: &SensorLane, drivers: &str, now: Time) -> Option<String> {
     let until = *lane.after_silence.last()?;
     let silent = |s: &Stretch| s.health == Health::Silent && s.to <= until;
     let silence = lane.stretches(now).into_iter().rfind(silent);
     let when = silence.map_or_else(String::new, |s| format!(", silent {} s", span(s.from, s.to)));
     let until = until.seconds();
+    let (name, by) = (&lane.name, if drivers.is_empty() { "the process" } else { drivers });
     Some(format!(
-        "without **{}**{when}, the filter went off by more than its sigma, until {until:.0} s; the silence is \
-         no fault of the sensor",
-        lane.name
+        "without **{name}**{when}, the filter went off by more than its sigma, until {until:.0} s: look at \
+         {by}, which drove it meanwhile; the silence is no fault of {name}"
     ))
 }
 
@@ -429,10 +432,11 @@ mod tests {
         let stretches = [(Used, 250), (Silent, 265), (Gated, 268), (Used, 400)];
         let mut gnss = lane("gnss", Purpose::Measurement, &stretches);
         gnss.after_silence.push(time(268));
-        let found = lines(&[gnss], &[reason(Criterion::Silence, Severity::Contained, "imu")]);
-        assert!(found[0].ends_with("None sent wrong samples."), "{found:?}");
+        let imu = lane("imu", Purpose::Input, &[(Used, 400)]);
+        let found = lines(&[gnss, imu], &[reason(Criterion::Silence, Severity::Contained, "imu")]);
+        assert!(found[0].ends_with("None is known to have sent wrong samples."), "{found:?}");
         let expected = "- without **gnss**, silent 250–265 s, the filter went off by more than its sigma, \
-                        until 268 s; the silence is no fault of the sensor";
+                        until 268 s: look at **imu**, which drove it meanwhile; the silence is no fault of gnss";
         assert_eq!(found[1], expected);
         assert!(found[2].starts_with("Silent"), "{found:?}");
     }

@@ -88,8 +88,8 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Quality", "dvl"],
         &[
-            ("velocity x / sigma; white: normal", &[MARK]),
-            ("velocity x, correlation; grey: chance", &[]),
+            ("velocity x, ±5 sigma [%]; white: normal", &[MARK]),
+            ("velocity x, correlation by lag; grey: chance", &[]),
         ],
     ),
     (&["Events"], &[]),
