@@ -105,7 +105,7 @@ pub fn quietest<const N: usize, const M: usize>(
         let along = (time - first) as f64 / span;
         for value in lines(row).into_iter().filter(|value| !value.is_nan()) {
             // a line that leaves the plot crosses its edge
-            let height = (value.clamp(low, high) - bottom) / (top - bottom);
+            let height = ((value - bottom) / (top - bottom)).clamp(0.0, 1.0);
             for (count, (_, right, top)) in counts.iter_mut().zip(&CORNERS) {
                 let x = if *right { 1.0 - along } else { along };
                 let y = if *top { 1.0 - height } else { height };

@@ -53,8 +53,14 @@ impl Legends {
 }
 
 impl Plots {
-    /// The ranges in the unit of the block.
-    pub fn new(rows: &[Row<4>], own: f64, sizes_of_legends: [Legend; 4]) -> Option<Self> {
+    /// The ranges in the unit of the block; `filtered` has the filter's own estimates and sigmas in a run that is
+    /// smoothed.
+    pub fn new(
+        rows: &[Row<4>],
+        filtered: &[Row<2>],
+        own: f64,
+        sizes_of_legends: [Legend; 4],
+    ) -> Option<Self> {
         let (first, last) = (rows.first()?.0, rows.last()?.0);
         let span = (last - first) as f64;
         let begin = first + (BEGIN * span) as i64;
@@ -90,7 +96,9 @@ impl Plots {
         let scale = Scale { unit: "", size: 1.0 };
         let values = [over(first, begin, &value), over(end, end, &value)];
         // an error near zero has no lower bound on this axis
-        let [low, high] = [(0.1 * least).max(low), high].map(f64::log10);
+        let low = (0.1 * least).max(low);
+        let high = filtered.iter().map(|row| row.1[1]).fold(high, f64::max);
+        let [low, high] = [low, high].map(f64::log10);
         // a sigma that hardly changes is a flat line, and no enlarged rounding
         let spare = (0.5 * (DECADES - (high - low))).max(0.0);
         let logarithms = [low - spare, high + spare];
@@ -99,11 +107,13 @@ impl Plots {
         let [of_value, of_error, of_sigma, of_ratio] = sizes_of_legends;
         let (span, within) =
             ((first, last), |r: &[f64; 4]| [error(r)[0], error(r)[2], error(r)[3]]);
-        let both = |r: &[f64; 4]| [r[1], r[3].abs()].map(f64::log10);
+        let both = rows.iter().map(|(time, r)| (*time, [r[1], r[3].abs()].map(f64::log10)));
+        let of_filter = filtered.iter().map(|(time, r)| (*time, [r[1].log10(), f64::NAN]));
+        let sigmas: Vec<Row<2>> = both.chain(of_filter).collect();
         let legends = Legends {
             value: quietest(rows, value, (span, values[0]), of_value),
             error: quietest(rows, within, (span, errors[0]), of_error),
-            sigma: quietest(rows, both, (span, logarithms), of_sigma),
+            sigma: quietest(&sigmas, |r: &[f64; 2]| *r, (span, logarithms), of_sigma),
             normalised: quietest(rows, ratio, (span, [-size, size]), of_ratio),
         };
         Some(Self {
@@ -115,14 +125,6 @@ impl Plots {
             logarithms,
             legends,
         })
-    }
-
-    /// Makes the range of sigma hold those of the filter itself, beside the smoothed ones.
-    pub fn include(&mut self, sigmas: impl Iterator<Item = f64>) {
-        let largest = sigmas.fold(0.0, f64::max);
-        if largest > 0.0 {
-            self.logarithms[1] = self.logarithms[1].max(largest.log10());
-        }
     }
 
     /// The sizes of value and error at the end of the run, which determine the units; of errors that were far
@@ -160,6 +162,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
 
     use super::*;
+    use re_sdk::blueprint::components::Corner2D;
 
     /// A car at a height of 1600 m, of which an estimate is off by 10 for 15 s, and by 0.02 at other times.
     #[test]
@@ -169,7 +172,7 @@ mod tests {
         let rows: Vec<Row<4>> = (0..400).map(row).collect();
         let legend = Legend { lines: 1, letters: 5, columns: 4, rows: 3 };
         let of = |unit| {
-            let plots = Plots::new(&rows, 0.0, [legend; 4]).unwrap();
+            let plots = Plots::new(&rows, &[], 0.0, [legend; 4]).unwrap();
             let [value, error] = plots.sizes();
             let plots = plots.in_units(unit, value, error);
             [plots.value.unit, plots.error.unit]
@@ -177,13 +180,19 @@ mod tests {
         assert_eq!([of("m"), of("m/s")], [["m", "m"], ["m/s", "m/s"]]);
     }
 
+    /// The filter's sigma falls from 10 to 0.01 in the first half; that of the smoother is 0.01.
     #[test]
-    fn the_plot_of_a_smoothed_sigma_has_room_for_that_of_the_filter() {
+    fn the_plot_of_a_smoothed_sigma_has_room_for_that_of_the_filter_and_no_line_under_its_legend() {
         let rows: Vec<Row<4>> = (0..10).map(|k| (k, [0.0, 0.01, 0.0, 0.02])).collect();
+        let filtered: Vec<Row<2>> =
+            (0..10).map(|k| (k, [0.0, if k < 5 { 10.0 } else { f64::NAN }])).collect();
         let legend = Legend { lines: 1, letters: 5, columns: 4, rows: 3 };
-        let mut plots = Plots::new(&rows, 0.0, [legend; 4]).unwrap();
-        let before = plots.logarithms;
-        plots.include([f64::NAN, 10.0, 0.01].into_iter());
-        assert_eq!(plots.logarithms, [before[0], 1.0]);
+        let of = |filtered: &[Row<2>]| Plots::new(&rows, filtered, 0.0, [legend; 4]).unwrap();
+        let plots = of(&filtered);
+        assert_eq!(plots.logarithms, [-2.0, 1.0]);
+        assert!(of(&[]).logarithms[1] < 0.0);
+        let turned: Vec<Row<2>> = filtered.iter().map(|(k, row)| (9 - k, *row)).collect();
+        let corners = [plots, of(&turned)].map(|plots| plots.legends.sigma.corner);
+        assert_eq!(corners, [Corner2D::RightTop, Corner2D::LeftTop]);
     }
 }

@@ -265,9 +265,7 @@ impl BlockSeries {
         let rows: Vec<_> = self.components.iter().map(|c| c.history.rows_under(SIGMA)).collect();
         let plots = self.components.iter().zip(&rows);
         let plots = plots.map(|(c, rows)| {
-            let mut plots = Plots::new(rows, self.own, self.legends(c, rows))?;
-            plots.include(c.filtered.rows_under(SIGMA).iter().map(|(_, [_, sigma])| *sigma));
-            Some(plots)
+            Plots::new(rows, &c.filtered.rows_under(SIGMA), self.own, self.legends(c, rows))
         });
         let mut plots: Vec<Option<Plots>> = plots.collect();
         let sizes = plots.iter().flatten().map(Plots::sizes);

@@ -33,8 +33,16 @@ pub const TRACK: Colour = AXES[2];
 const AXIS_NAMES: [&[&str]; 3] =
     [&["x", "north", "roll"], &["y", "east", "pitch"], &["z", "down", "yaw", "heading"]];
 
-/// The colours of components beyond three axes, such as the beams of an instrument.
-const MORE: [Colour; 3] = [[204, 121, 167], [86, 180, 233], [240, 228, 66]];
+/// The colours of components beyond three axes, such as the beams of an instrument, and of up to ten sensors.
+const MORE: [Colour; 7] = [
+    [204, 121, 167],
+    [86, 180, 233],
+    [240, 228, 66],
+    [166, 118, 78],
+    [176, 226, 150],
+    [255, 170, 185],
+    [20, 130, 140],
+];
 
 /// The colour of a component.
 pub fn axis(component: usize) -> Colour {
