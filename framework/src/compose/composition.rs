@@ -34,6 +34,8 @@ pub struct Process {
     pub wanders: bool,
     /// Index of the driving sensor.
     pub input: Option<usize>,
+    /// Set if the simulator of that sensor reads the truth of the states, and no trajectory.
+    pub sensor_wanders: bool,
     /// Longest gap of that sensor that the model bridges, s, if it coasts on a longer one.
     pub coasts_after: Option<f64>,
     /// Index of the process's constraint among the sensors.
@@ -56,9 +58,9 @@ pub struct Process {
 
 impl Process {
     /// Slots of the blocks whose truth the process moves: no motion of the vehicle gives them, and
-    /// no sensor drives the process.
+    /// no sensor that measures such a motion drives the process.
     pub fn wandering(&self, layout: &Layout) -> Vec<usize> {
-        if self.input.is_some() {
+        if self.input.is_some() && !self.sensor_wanders {
             return Vec::new();
         }
         let (mut state, mut wander) = (layout.initial_state(), vec![false; layout.blocks.len()]);

@@ -118,6 +118,7 @@ impl<'a> Building<'a> {
                 corrections,
                 product,
                 second_order,
+                sensor_wanders,
             } = make(&part.own_keys(), &mut self.composer)?;
             let named = corrections.into_iter().map(|(sensor, model)| InputPart {
                 owner: part.name.to_owned(),
@@ -145,6 +146,7 @@ impl<'a> Building<'a> {
                 model,
                 wanders,
                 input,
+                sensor_wanders,
                 coasts_after,
                 biases,
                 product,
@@ -272,8 +274,8 @@ impl<'a> Building<'a> {
             None => Ok(()),
             Some(process) => {
                 let message = format!(
-                    "a process of type {} does not move the truth: a sensor drives it, or it has no \
-                     `wander`; remove this key",
+                    "a process of type {} does not move the truth: a sensor that is simulated from the \
+                     trajectory drives it, or it has no `wander`; remove this key",
                     process.kind
                 );
                 let table = process_place(&self.root, &process.name);

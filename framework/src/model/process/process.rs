@@ -191,6 +191,7 @@ pub struct BuiltProcess {
     pub(crate) corrections: Vec<(String, Box<dyn AnyInput>)>,
     pub(crate) product: Option<Product>,
     pub(crate) second_order: Vec<SecondOrder>,
+    pub(crate) sensor_wanders: bool,
 }
 
 impl BuiltProcess {
@@ -207,6 +208,7 @@ impl BuiltProcess {
             corrections: Vec::new(),
             product: None,
             second_order: Vec::new(),
+            sensor_wanders: false,
         }
     }
 
@@ -215,6 +217,13 @@ impl BuiltProcess {
     pub fn driven_by(self, name: impl Into<String>, simulator: impl Simulate + 'static) -> Self {
         let input = DrivingSensor { name: name.into(), simulator: Box::new(simulator) };
         Self { input: Some(input), ..self }
+    }
+
+    /// Declares that the simulator of the driving sensor reads the truth of the states, and no
+    /// trajectory: this truth may then move by [`ProcessModel::wander`], by the key `wander`.
+    #[must_use]
+    pub fn wanders_with_its_sensor(self) -> Self {
+        Self { sensor_wanders: true, ..self }
     }
 
     /// Hands over an input model, which corrects the samples of the driving sensor `name` with

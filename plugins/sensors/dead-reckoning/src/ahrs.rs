@@ -69,11 +69,12 @@ impl Ahrs {
     }
 }
 
-/// Simulates an AHRS with the true slow error of the process that it drives:
+/// Simulates an AHRS with the true attitude and slow error of the process that it drives:
 /// `C = exp([(e + w) x]) C_b^n`.
 #[derive(Clone, Debug)]
 pub(crate) struct SimulatedAhrs {
     pub ahrs: Ahrs,
+    pub attitude: Handle<Rotation>,
     pub error: Handle<Vector<3>>,
 }
 
@@ -82,7 +83,12 @@ impl Simulate for SimulatedAhrs {
         let sigma = self.ahrs.noise.value().si() * scene.noise;
         let white = Vector3::from_fn(|_, _| sigma * scene.random.normal());
         let error = scene.truth.get(scene.layout, self.error) + white;
-        let c_b_n = scene.trajectory.at(scene.to).c_b_n.to_rotation_matrix();
+        // a truth that wanders follows no trajectory
+        let c_b_n = if scene.layout.block(self.attitude).wanders {
+            scene.truth.get(scene.layout, self.attitude)
+        } else {
+            scene.trajectory.at(scene.to).c_b_n.to_rotation_matrix()
+        };
         let (roll, pitch, yaw) = (Rotation3::new(error) * c_b_n).euler_angles();
         let yaw = yaw - self.ahrs.declination.si();
         [roll, pitch, yaw].into_iter().enumerate().for_each(|(k, angle)| sample.set(k, angle));

@@ -14,6 +14,7 @@
 
 use crate::ahrs::{Ahrs, SimulatedAhrs};
 use navfuse_core::checkpoint::{Io, saved};
+use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix3, Rotation3, SMatrix};
 use navfuse_core::prelude::*;
 use navfuse_core::state::Signal;
@@ -88,7 +89,7 @@ impl ProcessType for DeadReckoning {
             ..Navigation::provide(composer, attitude, velocity, position)
         };
         let gap = ahrs.max_gap.value().si();
-        let simulator = SimulatedAhrs { ahrs: ahrs.clone(), error };
+        let simulator = SimulatedAhrs { ahrs: ahrs.clone(), attitude, error };
         let model = DeadReckoningModel {
             navigation,
             angular_rates: [angular_rate, earlier],
@@ -101,7 +102,10 @@ impl ProcessType for DeadReckoning {
             last: None,
             rates: Default::default(),
         };
-        Ok(BuiltProcess::new(model).coasts_after(gap).driven_by(self.ahrs, simulator))
+        Ok(BuiltProcess::new(model)
+            .coasts_after(gap)
+            .driven_by(self.ahrs, simulator)
+            .wanders_with_its_sensor())
     }
 }
 
@@ -325,6 +329,32 @@ impl ProcessModel for DeadReckoningModel {
             let w = motion.w_ib_b;
             state.publish(signal, &[w.x, w.y, w.z]);
         }
+        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
+            known[slot] = true;
+        }
+    }
+
+    /// The AHRS gives any attitude, so the vehicle turns about down by the noise of `turn`, and stays
+    /// level. The noise of the position is that part of the acceleration which the mean of both velocities lacks.
+    fn wander(
+        &mut self,
+        layout: &Layout,
+        truth: &mut State,
+        known: &mut [bool],
+        dt: f64,
+        random: &mut Random,
+    ) {
+        let n = self.navigation;
+        let mut normal = || Vector3::from_fn(|_, _| random.normal());
+        let (a, b) = (normal(), normal());
+        let turn = Rotation3::new(Vector3::z() * ((self.turn * dt).sqrt() * random.normal()));
+        let accelerated = self.acceleration.map(|density| (density * dt).sqrt());
+        let v = truth.get(layout, n.velocity);
+        let next = turn * v + accelerated.component_mul(&a);
+        let moved = (v + next) * (0.5 * dt) + accelerated.component_mul(&b) * (dt / 12_f64.sqrt());
+        truth.set(layout, n.attitude, &(turn * truth.get(layout, n.attitude)));
+        truth.set(layout, n.velocity, &next);
+        truth.set(layout, n.position, &truth.get(layout, n.position).displaced(&moved));
         for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
             known[slot] = true;
         }
