@@ -18,6 +18,9 @@ use std::sync::Mutex;
 /// Lock for one crate at a time, since the crates share the build of navfuse.
 static BUILDING: Mutex<()> = Mutex::new(());
 
+/// The test of a crate, with the features of its command: both use one build of navfuse.
+const TEST: &[&str] = &["test", "--offline", "--features", "command"];
+
 /// Calls cargo in a crate, with the versions of the workspace.
 fn cargo(folder: &Path, arguments: &[&str]) -> Output {
     std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock"))
@@ -45,7 +48,7 @@ fn cargo(folder: &Path, arguments: &[&str]) -> Output {
 fn state(folder: &Path, name: &str) -> String {
     let _one = BUILDING.lock();
     cargo(folder, &["fmt", "--check"]);
-    let tested = cargo(folder, &["test", "--offline"]);
+    let tested = cargo(folder, TEST);
     assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
     let ran = cargo(folder, &["--offline", "navfuse", "run", "scenario.toml", "--no-output"]);
     let printed = stdout(&ran);
@@ -71,7 +74,7 @@ fn process_manifold_trajectory_source_and_sink_are_pluggable_from_outside() {
     let _one = BUILDING.lock();
     let folder = root().join("examples/outside-vehicle");
     cargo(&folder, &["fmt", "--check"]);
-    let tested = cargo(&folder, &["test", "--offline"]);
+    let tested = cargo(&folder, TEST);
     assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
     let out = tempfile::tempdir().unwrap();
     let run = |name: &str, source: Option<String>| {

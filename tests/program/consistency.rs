@@ -23,23 +23,23 @@ fn is_consistent(point: &Value) {
 fn are_judged_consistent(point: &Value, most: u64) {
     let judged = |level: &str| point["judged"][level].as_u64().expect("a number");
     assert!(judged("doubtful") + judged("do_not_use") <= most, "{}", point["judged"]);
-    assert!(judged("consistent") > 20, "{}", point["judged"]);
+    assert!(judged("consistent") > 15, "{}", point["judged"]);
 }
 
-/// 200 runs with the IMU at 20 Hz, which changes no sigma by 0.1 % and takes a fifth of the time. The
+/// 100 runs with the IMU at 20 Hz, which changes no sigma by 0.1 % and takes a fifth of the time. The
 /// scale factor starts 20 % off, and `relinearise` in the scenario keeps its first seconds consistent.
 #[test]
 fn errors_agree_with_sigma_and_with_the_bound() {
-    let report = report("pan-wu-3d", "200", &["--set", "sensor.imu.simulation.rate=20 Hz"]);
+    let report = report("pan-wu-3d", "100", &["--set", "sensor.imu.simulation.rate=20 Hz"]);
     let point = &report["points"][0];
     is_consistent(point);
-    are_judged_consistent(point, 6); // 2 are expected
+    are_judged_consistent(point, 4); // 1 is expected
     let blocks = point["anees"].as_array().expect("every block");
     assert_eq!(blocks.len(), 8, "the whole state and seven blocks");
     for block in blocks {
         let ratio = block["rmse_over_bound"].as_f64().expect("a ratio");
-        // the root mean square of 200 errors of one component is accurate to 5 %, of three to 3 %
-        assert!((0.9..1.15).contains(&ratio), "{}: RMSE/bound {ratio:.3}", block["of"]);
+        // the root mean square of 100 errors of one component is accurate to 7 %, of three to 4 %
+        assert!((0.87..1.17).contains(&ratio), "{}: RMSE/bound {ratio:.3}", block["of"]);
     }
 }
 
@@ -47,7 +47,7 @@ fn errors_agree_with_sigma_and_with_the_bound() {
 /// at the full rate of the IMU.
 #[test]
 fn all_sensors_of_an_auv_are_consistent() {
-    let report = report("auv", "25", &["--set", "sensor.imu.simulation.rate=50 Hz"]);
+    let report = report("auv", "25", &["--set", "sensor.imu.simulation.rate=20 Hz"]);
     let point = &report["points"][0];
     is_consistent(point);
     are_judged_consistent(point, 2); // 0.25 are expected
@@ -62,7 +62,7 @@ fn all_sensors_of_an_auv_are_consistent() {
 /// 30 states, of which half are hardly determined.
 #[test]
 fn axes_of_an_imu_and_a_velocity_bias_that_are_states_are_consistent() {
-    for (angle, runs) in [("50 urad", "30"), ("0.5 mrad", "30")] {
+    for (angle, runs) in [("50 urad", "20"), ("0.5 mrad", "20")] {
         let keys = ["gyro_axes", "gyro_misalignment", "accel_axes", "accel_misalignment"];
         let axes = keys.map(|key| format!("sensor.imu.{key}={{ sigma = \"{angle}\" }}"));
         let rest = ["sensor.imu.simulation.rate=20 Hz", "sensor.dvl.bias={ sigma = \"1 cm/s\" }"];
@@ -71,7 +71,7 @@ fn axes_of_an_imu_and_a_velocity_bias_that_are_states_are_consistent() {
         let report = report("quickstart", runs, &settings);
         let point = &report["points"][0];
         is_consistent(point);
-        are_judged_consistent(point, 3); // 0.3 are expected
+        are_judged_consistent(point, 2); // 0.2 are expected
     }
 }
 
@@ -89,7 +89,7 @@ fn all_aids_of_a_survey_are_consistent() {
 
 /// An IMU and a depth sensor alone: 24 minutes in which the position drifts by a kilometre. The
 /// sigma of all 15 states is accurate to 5 %, so that the ANEES is between 15 / 1.05^2 and 15 *
-/// 1.05^2; 400 runs determine it to 0.27, 0.9 % in sigma.
+/// 1.05^2; 150 runs determine it to 0.45, 1.5 % in sigma.
 #[test]
 fn the_sigma_of_an_imu_and_a_depth_sensor_alone_is_accurate_to_5_percent() {
     let settings = [
@@ -98,14 +98,37 @@ fn the_sigma_of_an_imu_and_a_depth_sensor_alone_is_accurate_to_5_percent() {
         "sensor.imu.simulation.rate=20 Hz",
     ];
     let settings: Vec<&str> = settings.iter().flat_map(|s| ["--set", s]).collect();
-    let report = report("pan-wu-3d", "400", &settings);
+    let report = report("pan-wu-3d", "150", &settings);
     let point = &report["points"][0];
-    are_judged_consistent(point, 10); // 4 are expected
+    are_judged_consistent(point, 6); // 1.5 are expected
     let anees = point["anees"][0]["value"].as_f64().expect("a number");
     println!("ANEES {anees:.2}");
     assert!((13.6..16.54).contains(&anees), "{anees}");
     let nis = point["nis"].as_array().expect("every sensor");
     assert_eq!((nis.len(), &nis[0]["sensor"]), (1, &Value::from("depth")));
+}
+
+/// A trajectory is no draw of a process that stands for manoeuvres. Where the truth moves by its noise, an
+/// ROV that an AHRS drives is consistent at both ends. It starts deep, since nothing keeps it below the surface.
+#[test]
+fn dead_reckoning_is_consistent_where_the_truth_moves_by_its_noise() {
+    let settings = [
+        "process.rov.wander=true",
+        "process.rov.position={ sigma = \"3 m\", latitude = \"43 deg\", longitude = \"5 deg\", height = \"-3 km\" }",
+        "process.rov.velocity={ sigma = \"10 cm/s\", initial = [\"0 m/s\", \"0 m/s\", \"0 m/s\"] }",
+        "sensor.dvl.simulation={ rate = \"5 Hz\" }",
+        "estimator.initial=given",
+    ];
+    let settings: Vec<&str> = settings.iter().flat_map(|s| ["--set", s]).collect();
+    let report = report("rov", "20", &settings);
+    let point = &report["points"][0];
+    is_consistent(point);
+    are_judged_consistent(point, 2); // 0.2 are expected
+    let nis = point["nis"].as_array().expect("every sensor");
+    let dvl = nis.iter().find(|n| n["sensor"] == "dvl").expect("the DVL is judged");
+    let mean = dvl["mean"].as_f64().expect("a number");
+    // 3500 innovations in each of 20 runs determine the mean of 3 to 0.01; the gate takes 0.02 off
+    assert!((mean - 2.98).abs() < 0.04, "{mean}");
 }
 
 /// The verdict of the paper's 3-D run with changes, and the IMU at 20 Hz.

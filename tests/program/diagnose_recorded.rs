@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 /// refused: its forces show no gravity.
 #[test]
 fn gravity_that_was_removed_is_named_and_no_key_mends_it_in_full() {
-    for (seed, gravity) in [(1, 9.79), (2, 9.805), (3, 9.82)] {
+    for (seed, gravity) in [(1, 9.79), (3, 9.82)] {
         let bias =
             format!("{{ type = \"bias\", size = \"{gravity} m/s^2\", channels = [\"accel_z\"] }}");
         let fault = format!("sensor.imu.simulation={{ rate = \"25 Hz\", faults = [{bias}] }}");

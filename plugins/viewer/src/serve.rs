@@ -66,8 +66,24 @@ pub fn start(id: &StoreId, address: SocketAddr) -> Result<(RecordingStream, Serv
 /// Always: the error names the feature to build with.
 #[cfg(not(feature = "serve"))]
 pub fn start(_: &StoreId, address: SocketAddr) -> Result<(RecordingStream, Served), StreamError> {
-    let message = format!("this program cannot serve {address}: it has no feature `serve`");
-    Err(StreamError::network(message)
+    Err(no_server(address))
+}
+
+/// The error of a program without the feature.
+#[cfg(any(test, not(feature = "serve")))]
+fn no_server(address: SocketAddr) -> StreamError {
+    StreamError::network(format!("this program cannot serve {address}: it has no feature `serve`"))
         .at_key("serve")
-        .with_remedy("build it with `--features serve`, or start a viewer with `--rerun`"))
+        .with_remedy("build it with `--features serve`, or start a viewer with `--rerun`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_without_a_server_names_the_feature_to_build_with() {
+        let error = no_server(SocketAddr::from(([127, 0, 0, 1], 9090))).to_string();
+        assert!(error.contains("--features serve") && error.contains("127.0.0.1:9090"), "{error}");
+    }
 }

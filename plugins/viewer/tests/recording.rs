@@ -453,12 +453,3 @@ fn a_table_without_keys_is_a_configuration_and_a_wrong_address_is_named() {
     let error = config.record(Path::new("/tmp"), Vec::new()).err().unwrap().to_string();
     assert!(error.contains("\"everywhere\"") && error.contains("127.0.0.1:9090"), "{error}");
 }
-
-#[cfg(not(feature = "serve"))]
-#[test]
-fn a_program_without_a_server_names_the_feature_to_build_with() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = Rerun { serve: Serve::Local(true), ..Rerun::default() };
-    let error = config.record(folder.path(), Vec::new()).err().unwrap().to_string();
-    assert!(error.contains("--features serve") && error.contains("127.0.0.1:9090"), "{error}");
-}

@@ -5,27 +5,12 @@
 
 use crate::campaign::{SHORT, output, path};
 use crate::common::root;
-use navfuse_testing::python::Packages;
-use std::path::{Path, PathBuf};
+use navfuse_testing::python;
 use std::process::Command;
-
-/// Returns a Python with the readers; without one, the test is skipped.
-fn python() -> Option<PathBuf> {
-    Packages {
-        names: "polars, pandas and pyarrow",
-        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("tables"),
-        variable: None,
-        check: "import importlib.metadata as m\n\
-                found = [m.version(p) for p in ('polars', 'pandas', 'pyarrow')]\n\
-                assert found == ['2.1.0', '3.1.1', '26.0.1'], found",
-        install: &[&["polars==2.1.0", "pandas==3.1.1", "pyarrow==26.0.1"]],
-    }
-    .python()
-}
 
 #[test]
 fn independent_readers_find_the_values_of_the_report_in_the_tables() {
-    let Some(python) = python() else { return };
+    let Some(python) = python::tables(env!("CARGO_TARGET_TMPDIR")).python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name).display().to_string();
     let (campaign, sweep, quickstart) = (at("campaign"), at("sweep"), path("quickstart"));
@@ -34,10 +19,8 @@ fn independent_readers_find_the_values_of_the_report_in_the_tables() {
     let vary = ["--vary", "sensor.dvl.scale={sigma = \"1 %\"},{initial = 1.0}", "--runs=3"];
     output(&[&["sweep", &quickstart, "--out", &sweep], &vary[..], &SHORT].concat());
     let script = root().join("tests/program/campaign/readers.py");
-    let printed = navfuse_testing::python::output(
-        Command::new(&python).arg(script).args([&campaign, &sweep]),
-    )
-    .unwrap_or_else(|e| panic!("{e}"));
+    let printed = python::output(Command::new(&python).arg(script).args([&campaign, &sweep]))
+        .unwrap_or_else(|e| panic!("{e}"));
     println!("{printed}");
     assert_eq!(printed.matches("agrees with its tables").count(), 4, "{printed}");
 }

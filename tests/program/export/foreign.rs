@@ -6,25 +6,12 @@
 
 use crate::common::root;
 use crate::export::{FORMATS, run};
-use navfuse_testing::python::Packages;
-use std::path::{Path, PathBuf};
+use navfuse_testing::python;
 use std::process::Command;
-
-/// Returns a Python with the readers; without one, the test is skipped.
-fn python() -> Option<PathBuf> {
-    Packages {
-        names: "the readers of exported files",
-        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("exports"),
-        variable: Some("NAVFUSE_EXPORT_PYTHON"),
-        check: "import evo, fastkml, geojson, gpxpy, pandas, pyarrow, pynmea2",
-        install: &[&["evo", "fastkml", "geojson", "gpxpy", "pandas", "pyarrow", "pynmea2"]],
-    }
-    .python()
-}
 
 #[test]
 fn other_programs_read_the_estimates_of_the_log() {
-    let Some(python) = python() else { return };
+    let Some(python) = python::tables(env!("CARGO_TARGET_TMPDIR")).python() else { return };
     let run = run();
     for (format, _) in FORMATS {
         run.export(format, &["--origin", "2026-06-01T08:00:00Z"]);

@@ -41,6 +41,29 @@ pub fn rosbags(folder: &str) -> Packages<'static> {
     }
 }
 
+/// The readers of the tables of campaigns and of exported files, in a folder for temporary files.
+pub fn tables(folder: &str) -> Packages<'static> {
+    Packages {
+        names: "the readers of tables and exported files",
+        folder: Path::new(folder).join("tables"),
+        variable: Some("NAVFUSE_EXPORT_PYTHON"),
+        check: "import evo, fastkml, geojson, gpxpy, pynmea2\n\
+                import importlib.metadata as m\n\
+                found = [m.version(p) for p in ('polars', 'pandas', 'pyarrow')]\n\
+                assert found == ['2.1.0', '3.1.1', '26.0.1'], found",
+        install: &[&[
+            "polars==2.1.0",
+            "pandas==3.1.1",
+            "pyarrow==26.0.1",
+            "evo",
+            "fastkml",
+            "geojson",
+            "gpxpy",
+            "pynmea2",
+        ]],
+    }
+}
+
 /// The readers of logs of vehicles, in a folder for temporary files.
 pub fn vehicle_logs(folder: &str) -> Packages<'static> {
     Packages {
@@ -83,8 +106,10 @@ impl Packages<'_> {
     fn install(&self, python: &Path) -> Result<(), String> {
         output(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&self.folder))?;
         for packages in self.install {
-            let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-            output(Command::new(python).args(pip).args(["--retries", "1"]).args(*packages))?;
+            // a test imports few of the files, whose compilation takes two thirds of an installation
+            let pip = ["-m", "pip", "install", "--quiet", "--no-compile"];
+            let more = ["--disable-pip-version-check", "--retries", "1"];
+            output(Command::new(python).args(pip).args(more).args(*packages))?;
         }
         output(Command::new(python).args(["-c", self.check])).map(drop)
     }

@@ -313,7 +313,6 @@ fn a_viewer_shows_a_run_that_is_sent_to_it() {
     viewer.wait(Synthetic::time(499).nanos());
 }
 
-#[cfg(feature = "serve")]
 #[test]
 fn a_viewer_shows_a_run_that_is_sent_and_served_to_it() {
     let Some(program) = driver::program() else { return };
