@@ -39,6 +39,8 @@ pub struct Found {
     pub pressure: Option<Pressure>,
     /// The receiver and the attitude of a table of poses, which are used where no file has an inertial unit.
     pub apart: Vec<Found>,
+    /// Interval between the times that rows share, s, of which each may be the begin of its rows or their end.
+    pub burst: f64,
     /// The best class of fixes that a receiver reports.
     pub class: Option<FixClass>,
 }

@@ -11,16 +11,19 @@ use std::io::Cursor;
 pub fn velocity_log(beginning: &[u8]) -> Option<(Option<i64>, Vec<Found>)> {
     let format = Format::recognise(beginning)?;
     let mut decoder = format.decoder(Cursor::new(beginning.to_vec()));
-    let (mut stamp, mut coordinates) = (None, None);
+    let (mut stamp, mut coordinates, mut timed) = (None, None, false);
     while let Ok(Some(ping)) = decoder.next() {
         if let (None, Stamp::Date(nanos)) = (stamp, ping.stamp) {
             stamp = Some(nanos);
         }
+        timed |= ping.stamp != Stamp::Missing;
         if let Some(track) = ping.bottom {
             coordinates.get_or_insert((track.coordinates, track.axes.is_some()));
         }
     }
-    let (coordinates, has_axes) = coordinates?;
+    // another program may write the fields of these reports beside a time of its own, as a table has it
+    let other = format == Format::WaterLinkedJson && !timed;
+    let (coordinates, has_axes) = coordinates.filter(|_| !other)?;
     let mut source = vec![format!("format = \"{}\"", format.name())];
     let mut questions = Vec::new();
     match coordinates {
@@ -93,10 +96,16 @@ pub fn nmea(beginning: &[u8]) -> Option<Vec<Found>> {
 fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
     let mut frames = Frames::new(beginning, framing);
     let (mut gnss, mut velocity, mut heading, mut depth) = (false, false, false, false);
+    // headings and depths have no time of their own
+    let mut timed = false;
     let mut best = None;
     while let Ok(Some(frame)) = frames.next() {
         match parse(framing.content(frame.bytes)) {
-            Some(Sentence::Fix { position: Some(_), quality: quality @ 1..=5, .. }) => {
+            Some(Sentence::Fix { position, quality, .. }) => {
+                timed = true;
+                if position.is_none() || !(1..=5).contains(&quality) {
+                    continue;
+                }
                 gnss = true;
                 best = best.max(class::of(class::GGA, f64::from(quality)));
             }
@@ -109,10 +118,12 @@ fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
             }) => {
                 gnss |= position.is_some();
                 velocity |= v.is_some();
+                timed = true;
             }
             Some(Sentence::Velocity { velocity: v, estimated: false }) => velocity |= v.is_some(),
             Some(Sentence::Heading(_)) => heading = true,
             Some(Sentence::Depth(_)) => depth = true,
+            Some(Sentence::Date { .. }) => timed = true,
             _ => {}
         }
     }
@@ -128,10 +139,10 @@ fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
     if gnss {
         sensors.push(Found { class: best, ..found("gnss", velocity, Vec::new()) });
     }
-    if heading {
+    if heading && timed {
         sensors.push(found("dual-antenna", false, Vec::new()));
     }
-    if depth {
+    if depth && timed {
         let question = "DPT is taken for the depth of the vehicle; an echo sounder measures the water \
                         below it: remove the sensor then";
         sensors.push(found("depth", false, vec![question.to_owned()]));

@@ -62,7 +62,8 @@ impl Recording {
         let quarters = axes::quarters(turn).filter(|quarters| *quarters != 0);
         let quarters = quarters.filter(|quarters| {
             let rest = turn.angle - f64::from(*quarters) * std::f64::consts::FRAC_PI_2;
-            rest.abs() < MOUNTED.max(3.0 * turn.sigma)
+            // an instrument stands along the axes of its vehicle more often than beside them
+            rest.abs() < MOUNTED.max(5.0 * turn.sigma)
         });
         if let Some(quarters) = quarters.filter(|_| find(streams, "dvl").is_some_and(ahead)) {
             return self.turn_by_log(quarters);

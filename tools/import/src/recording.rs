@@ -161,6 +161,7 @@ impl Recording {
             return Err(recording.without_imu());
         }
         recording.sort();
+        recording.doubt_bursts();
         Ok(Some(recording))
     }
 
@@ -306,7 +307,8 @@ impl Recording {
         } else if let Some(found) = vehicle::unchecked(&bytes, &mut self.notes) {
             (Reader::Vehicle(Format::Novatel, self.next_log()), found)
         } else if let Some(found) = instrument::nmea(&bytes) {
-            beside = table::inertial_kinds(&navfuse_csv::text(&bytes));
+            beside = table::other_kinds(&navfuse_csv::text(&bytes));
+            beside.retain(|other| found.iter().all(|own| own.kind != other.kind));
             (Reader::Nmea, found)
         } else {
             if self.goes_on_without_headings(file, &absolute)? {

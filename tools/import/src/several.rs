@@ -8,6 +8,9 @@ use navfuse_core::document::quoted;
 use navfuse_core::model::stream::StreamError;
 use std::path::Path;
 
+/// Interval between the times that rows of an IMU share, s, that displaces no receiver: 20 m/s show 20 cm in it.
+const LITTLE: f64 = 0.01;
+
 impl Recording {
     /// Writes the point from which positions of a table count.
     ///
@@ -76,6 +79,16 @@ impl Recording {
         let list = (!files.is_empty()).then(|| format!("then = [{}]", files.join(", ")));
         let more = Some((gyros.source.into_iter().chain(list).collect(), other));
         self.parts.push(Part { name, found, reader, file, lever_arm: None, more, then, samples });
+    }
+
+    /// Lets a receiver have a clock of its own beside rows of an IMU of which several share a time: they are taken for the
+    /// rows after this time, and may be those before it.
+    pub fn doubt_bursts(&mut self) {
+        let burst = self.part("imu").map_or(0.0, |imu| imu.found.burst);
+        let Some(part) = self.part_mut("gnss").filter(|_| burst > LITTLE) else { return };
+        part.found.sensor.push(format!("time_offset = {{ sigma = \"{burst:.3} s\" }}"));
+        let text = "rows of the IMU that share a time may be those before it: the offset of the clock is estimated";
+        part.found.questions.push(text.to_owned());
     }
 
     /// Takes a table of poses for a receiver where no other file aids the inertial unit, and the name of the file does not

@@ -285,8 +285,9 @@ pub struct TimeColumn {
     /// Headings of year, month, day, hour and minute, where the column of the time has the seconds
     /// of the minute. Default: none.
     pub fields: Option<[String; 5]>,
-    /// Headings of the year and of the day of the year, where the column of the time has the seconds of the day. Default: none.
-    pub of_year: Option<[String; 2]>,
+    /// Headings of the year and of the day of the year, where the column of the time has the seconds of the day; with those
+    /// of hour and minute behind them, it has the seconds of the minute. Default: none.
+    pub of_year: Option<Vec<String>>,
     /// Heading of the column of nanoseconds that are added to the column of the time. Default: none.
     pub nanos: Option<String>,
     /// Unit of this column, such as `ms`. Default: ns.

@@ -1,4 +1,5 @@
-//! The values of an object of JSON with their paths. Strings may have the quotation marks of Python.
+//! The values of an object of JSON with their paths. Strings may have the quotation marks of Python, arrays its round
+//! brackets, and values and arrays the name of a type around them, as in `np.float64(0.1)` and `array([1, 2])`.
 
 use crate::paths::{DEEPEST, join};
 use std::fmt::Write;
@@ -9,6 +10,8 @@ struct Level {
     base: usize,
     index: Option<usize>,
     keyed: bool,
+    /// Number of types whose bracket is open.
+    types: usize,
 }
 
 /// Calls `found` with the path and the text of each value of an object.
@@ -17,7 +20,14 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
     // all marks are bytes of ASCII, which no other character contains
     while let Some(first) = rest.as_bytes().first().copied() {
         match first {
-            b'}' | b']' => {
+            b')' if levels.last().is_some_and(|level| level.types > 0) => {
+                if let Some(level) = levels.last_mut() {
+                    level.types -= 1;
+                }
+                rest = &rest[1..];
+                continue;
+            }
+            b'}' | b']' | b')' => {
                 levels.pop();
                 if let Some(level) = levels.last_mut() {
                     level.keyed = false;
@@ -32,6 +42,13 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
             _ => {}
         }
         let quoted = matches!(first, b'"' | b'\'');
+        if let Some(level) = levels.last_mut()
+            && let Some(inner) = without_type(rest)
+        {
+            level.types += 1;
+            rest = inner;
+            continue;
+        }
         if let Some(level) = levels.last_mut().filter(|l| l.index.is_some() || l.keyed) {
             level.keyed = false;
             if let Some(index) = &mut level.index {
@@ -50,9 +67,9 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
             continue;
         }
         match first {
-            b'{' | b'[' if levels.len() < DEEPEST => {
-                let index = (first == b'[').then_some(0);
-                levels.push(Level { base: path.len(), index, keyed: false });
+            b'{' | b'[' | b'(' if levels.len() < DEEPEST => {
+                let index = (first != b'{').then_some(0);
+                levels.push(Level { base: path.len(), index, keyed: false, types: 0 });
                 rest = &rest[1..];
             }
             _ if quoted => {
@@ -61,13 +78,24 @@ pub fn object(text: &str, mut found: impl FnMut(&str, &str)) {
                 rest = after;
             }
             _ => {
-                let ends = |b: &u8| matches!(b, b',' | b'}' | b']') || b.is_ascii_whitespace();
+                let ends =
+                    |b: &u8| matches!(b, b',' | b'}' | b']' | b')') || b.is_ascii_whitespace();
                 let at = rest.bytes().skip(1).position(|b| ends(&b)).map_or(rest.len(), |k| k + 1);
-                found(&path, if &rest[..at] == "null" { "" } else { &rest[..at] });
+                found(
+                    &path,
+                    if ["null", "None"].contains(&&rest[..at]) { "" } else { &rest[..at] },
+                );
                 rest = &rest[at..];
             }
         }
     }
+}
+
+/// What follows the name of a type and its bracket at the beginning.
+fn without_type(text: &str) -> Option<&str> {
+    let name = |c: char| c.is_ascii_alphanumeric() || ['.', '_'].contains(&c);
+    let named = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    named.then(|| text.trim_start_matches(name).strip_prefix('('))?
 }
 
 /// The text of a string at the beginning, with its escapes, and what follows.
@@ -83,4 +111,32 @@ fn string(text: &str) -> (&str, &str) {
         from += at + 1 + escaped;
     }
     (inner, "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::object;
+
+    #[test]
+    fn what_python_prints_has_the_values_of_json() {
+        let values = |text: &str| {
+            let mut values = Vec::new();
+            object(text, |path, value| values.push(format!("{path}={value}")));
+            values.join(" ")
+        };
+        let json =
+            values(r#"{"t": 1.5, "gyro": [0.1, -2e-3], "fix": null, "ok": true, "m": [[1], [2]]}"#);
+        for text in [
+            "{'t': 1.5, 'gyro': (0.1, -2e-3), 'fix': None, 'ok': true, 'm': ((1,), (2,))}",
+            "{'t': np.float64(1.5), 'gyro': array([0.1, -2e-3]), 'fix': None, 'ok': true, 'm': [(1,), [2]]}",
+            "{'t': 1.5, 'gyro': (np.float32(0.1), np.float32(-2e-3)), 'fix': None, 'ok': true, \
+             'm': array([array([1]), array([2])])}",
+        ] {
+            assert_eq!(values(text), json);
+        }
+        // brackets that nothing opened, and types without an end
+        for text in [")", "{'a': f(f(f(", "{'a': )}", "{a(: 1}", "((((", "{'a': b(]}"] {
+            values(text);
+        }
+    }
 }

@@ -10,8 +10,9 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::calendar::{self, Calendar, GPS_ZERO, WEEK};
 use navfuse_core::units::time::{Span, Time};
 
-/// Nanoseconds of a day and of a second.
+/// Nanoseconds of a day, of a minute and of a second.
 const DAY: i64 = 86_400_000_000_000;
+const MINUTE: i64 = 60_000_000_000;
 const SECOND: i128 = 1_000_000_000;
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
@@ -46,8 +47,9 @@ enum Form {
     /// A count in a unit of nanoseconds, and the count's nanoseconds at the begin of 1970. With `true` on the scale
     /// of GPS.
     Since(u64, i128, bool),
-    /// Columns of the year and of the day of the year, beside the seconds of the day. With `true` on the scale of GPS.
-    OfYear([usize; 2], bool),
+    /// Columns of the year and of the day of the year, beside the seconds of the day, or of hour and minute too, beside the
+    /// seconds of the minute. With `true` on the scale of GPS.
+    OfYear(([usize; 2], Option<[usize; 2]>), bool),
     /// Column of the week of GPS, and the unit of the time within the week. With `true` on the scale
     /// of GPS, otherwise without leap seconds.
     Week(usize, u64, bool),
@@ -119,10 +121,16 @@ impl TimeCell {
                 (text(named)?, Form::Fields(fields(given, text)?, part()?, gps))
             }
             (None, ..) if given.of_year.is_some() => {
-                let mut columns = [0; 2];
-                for (column, heading) in columns.iter_mut().zip(given.of_year.iter().flatten()) {
-                    *column = text(heading)?;
-                }
+                let columns = given.of_year.iter().flatten().map(|heading| text(heading));
+                let columns = match *columns.collect::<Result<Vec<usize>, _>>()?.as_slice() {
+                    [year, day] => ([year, day], None),
+                    [year, day, hour, minute] => ([year, day], Some([hour, minute])),
+                    _ => {
+                        return contradicts(
+                            "of_year: name year and day of the year, or hour and minute too",
+                        );
+                    }
+                };
                 (text(named)?, Form::OfYear(columns, gps))
             }
             _ if given.scale.is_some() || given.origin.is_some() => {
@@ -151,7 +159,9 @@ impl TimeCell {
             Form::Fields(fields, part, _) => {
                 fields.contains(&column) || part.is_some_and(|(k, _)| k == column)
             }
-            Form::OfYear(columns, _) => columns.contains(&column),
+            Form::OfYear((day, minute), _) => {
+                day.contains(&column) || minute.is_some_and(|minute| minute.contains(&column))
+            }
             Form::Day | Form::Since(..) => false,
             Form::Week(week, ..) => week == column,
         };
@@ -224,14 +234,22 @@ impl TimeCell {
                 let since = time::nanos(here, unit)? - before;
                 utc(i64::try_from(since).map_err(|_| TimeError::TooLarge)?, gps)
             }
-            Form::OfYear(columns, gps) => {
-                let number = |k: usize| {
-                    std::str::from_utf8(cell(columns[k])).ok()?.trim().parse::<i32>().ok()
+            Form::OfYear(([year, day], minute), gps) => {
+                let number =
+                    |k: usize| std::str::from_utf8(cell(k)).ok()?.trim().parse::<i32>().ok();
+                let day = number(year).zip(number(day));
+                let day = day.and_then(|(year, day)| dates::day_of_year(year, day));
+                let minute = match minute {
+                    Some([hour, minute]) => number(hour)
+                        .zip(number(minute))
+                        .filter(|(hour, minute)| (0..24).contains(hour) && (0..60).contains(minute))
+                        .map(|(hour, minute)| i64::from(60 * hour + minute) * MINUTE),
+                    None => Some(0),
                 };
-                let day = number(0).zip(number(1)).and_then(|(y, d)| dates::day_of_year(y, d));
                 let since = time::parse(here, 1_000_000_000)?.nanos();
-                let day = day.ok_or(TimeError::NotANumber)?;
-                utc(day.checked_add(since).ok_or(TimeError::TooLarge)?, gps)
+                let minute = day.zip(minute).and_then(|(day, minute)| day.checked_add(minute));
+                let minute = minute.ok_or(TimeError::NotANumber)?;
+                utc(minute.checked_add(since).ok_or(TimeError::TooLarge)?, gps)
             }
             Form::Date(date, order, gps) => {
                 let nanos = date_and_time(date.map(cell), here, order);
@@ -302,6 +320,9 @@ fn time_of_day(text: &str) -> Option<i64> {
     // pandas writes a span as `0 days 08:30:00.25`
     let (days, text) = text.split_once(" days ").unwrap_or(("0", text));
     let days = days.parse::<i64>().ok().filter(|days| (0..10_000).contains(days))?;
+    // the checksum of a line stands behind its last cell
+    let sum = |sum: &str| sum.len() == 2 && sum.bytes().all(|b| b.is_ascii_hexdigit());
+    let text = text.split_once('*').filter(|(_, rest)| sum(rest)).map_or(text, |(text, _)| text);
     let (text, half) = of_twelve(text.as_bytes());
     let text = std::str::from_utf8(text).ok()?;
     let (hour, minute, seconds) = match text.split_once(':') {

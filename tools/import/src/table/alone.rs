@@ -6,6 +6,10 @@ use crate::found::Found;
 use crate::pressure::Pressure;
 use navfuse_core::document::quoted;
 
+/// Largest height, m, at which one that counts from the start begins, and least one of another zero.
+const LEVEL: f64 = 0.5;
+const HIGH: f64 = 5.0;
+
 impl Table<'_> {
     /// Names columns whose headings are axes alone: by their unit, as the specific force beside angular
     /// rates, or after the file, such as `Gyroscope.csv`.
@@ -120,6 +124,20 @@ impl Table<'_> {
         questions.push(format!("the column {heading} is taken for the depth"));
         let key = self.key(meaning.channel, "depth", None, &mut questions)?;
         Some(Found { kind: "depth", source: vec![key], questions, ..Found::default() })
+    }
+
+    /// Leaves out a height that counts from the start, where another column has one that does not.
+    pub(super) fn leave_out_relative_height(&mut self) {
+        let begin = |k: usize| self.layout.column(k).into_iter().find(|v| v.is_finite());
+        let Some((k, _)) = self.find("height").filter(|_| self.has(&["lat", "lon"])) else {
+            return;
+        };
+        let relative = *k;
+        let others = self.columns.iter().filter(|(k, m)| *k != relative && m.channel == "height");
+        let other = others.filter_map(|(k, _)| begin(*k)).any(|v| v.abs() > HIGH);
+        if other && begin(relative).is_some_and(|v| v.abs() < LEVEL) {
+            self.columns.retain(|(k, _)| *k != relative);
+        }
     }
 
     /// A depth by the pressure of water; `None` for a pressure of air, and without one.

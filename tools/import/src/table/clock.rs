@@ -40,8 +40,9 @@ const COUNTERS: [&str; 9] =
 /// that reach the second part of a period and start again are no clock.
 const PERIODS: [f64; 5] = [24.0, 60.0, 1e3, 1e6, 1e9];
 const REACHED: f64 = 0.4;
-/// Seconds of a day and of a week.
-const DAY: f64 = 86_400.0;
+/// Seconds of a minute, of a day and of a week.
+const MINUTE: f64 = 60.0;
+pub(super) const DAY: f64 = 86_400.0;
 const WEEK: f64 = 604_800.0;
 
 /// The time of a table.
@@ -60,6 +61,14 @@ impl Clock {
         let times: Vec<f64> = self.seconds.iter().copied().filter(|t| t.is_finite()).collect();
         let same = times.windows(2).filter(|t| t[0] == t[1]).count();
         times.len() > 2 && 2 * same > times.len()
+    }
+
+    /// The interval between the times that rows share, s: each may be the begin of its rows or their end. Zero for whole
+    /// seconds, which a program cuts off.
+    pub fn burst(&self) -> f64 {
+        let whole = self.seconds.iter().all(|t| !t.is_finite() || (t - t.round()).abs() < 1e-6);
+        let steps = self.seconds.windows(2).map(|t| t[1] - t[0]).filter(|step| *step > 0.0);
+        if whole { 0.0 } else { units::median(steps) }
     }
 }
 
@@ -282,23 +291,6 @@ impl Table<'_> {
         }
     }
 
-    /// The year and the day of the year in columns of their own, beside seconds of the day.
-    fn of_year(&self) -> Option<Clock> {
-        let all = |names: &[&str], range: RangeInclusive<f64>| {
-            let named = |h: &String| names.contains(&words(h).concat().as_str());
-            let k = self.layout.headings.iter().position(named)?;
-            self.layout.column(k).iter().all(|v| range.contains(v)).then_some(k)
-        };
-        let year = all(&["year", "yyyy"], 1980.0..=2200.0)?;
-        let day = all(&["doy", "dayofyear", "yday", "jday", "julianday"], 1.0..=366.0)?;
-        let seconds =
-            all(&["sod", "secondsofday", "secofday", "seconds", "sec", "time"], 0.0..=DAY)?;
-        let [year, day, column] = [year, day, seconds].map(|k| quoted(self.heading(k)));
-        let key = format!("time = {{ column = {column}, of_year = [{year}, {day}] }}");
-        let seconds = self.layout.column(seconds);
-        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
-    }
-
     /// A time that is a number.
     pub(super) fn number(&self, k: usize, meaning: &Meaning, usual: f64) -> Clock {
         let (heading, values) = (self.heading(k), self.layout.column(k));
@@ -386,8 +378,17 @@ impl Table<'_> {
     }
 }
 
-/// Tests whether a column has the part of a larger unit: its numbers start again and again within a period.
+/// Tests whether a column has the part of a larger unit: its numbers start again and again within a period, or fall once
+/// from the end of a minute to its beginning, which no clock does.
 fn starts_again(values: &[f64]) -> bool {
+    let minute = |v: &&[f64]| {
+        let [before, after] = [v[0], v[1]];
+        (MINUTE - 1.0..MINUTE).contains(&before) && (0.0..1.0).contains(&after)
+    };
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most < MINUTE && values.windows(2).any(|v| minute(&v)) {
+        return true;
+    }
     let largest = values.iter().copied().fold(0.0, f64::max);
     let within = |period: &f64| (REACHED * period..*period).contains(&largest);
     PERIODS.iter().find(|period| within(period)).is_some_and(|period| {

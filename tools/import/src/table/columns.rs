@@ -66,6 +66,7 @@ impl<'a> Table<'a> {
         }
         let mut table = Self { layout, columns, questions, gravity: None };
         table.height_of_map();
+        table.leave_out_relative_height();
         table.leave_out_empty();
         table.down_beside_forward();
         table.name_axes(name);
@@ -244,6 +245,7 @@ impl<'a> Table<'a> {
             }
             if ["imu", "gyros", "accels"].contains(&found.kind) && clock.is_shared() {
                 found.source.push("disorder = \"spread\"".to_owned());
+                found.burst = clock.burst();
                 found.questions.push(
                     "rows that share a time are spread evenly up to the next time".to_owned(),
                 );

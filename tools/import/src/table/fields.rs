@@ -1,10 +1,10 @@
 //! Dates whose year, month, day, hour, minute and second have columns of their own.
 
-use super::clock::Clock;
+use super::clock::{Clock, DAY};
 use super::columns::Table;
 use super::content::increases;
 use super::units;
-use super::vocabulary::Meaning;
+use super::vocabulary::{Meaning, words};
 use navfuse_core::document::quoted;
 use std::ops::RangeInclusive;
 
@@ -17,6 +17,8 @@ const FIELDS: [&[&str]; 6] = [
     &["minute", "minutes", "min", "mm"],
     &["second", "seconds", "sec", "ss", "s", "sekunde"],
 ];
+/// More words for hour, minute and second behind a day of the year.
+const OF_DAY: [&[&str]; 3] = [&["hr", "h"], &["m", "mn"], &["sss", "sssss", "ssss", "ssfff"]];
 /// Words for the part of a second beside the fields of a date, with its unit.
 const PARTS: [(&[&str], &str); 3] = [
     (&["nano", "nanos", "nsec", "nsecs", "nanosec", "nanosecond", "nanoseconds", "ns"], "ns"),
@@ -61,6 +63,43 @@ impl Table<'_> {
         let fields = names[..5].join(", ");
         let key = format!("time = {{ column = {}, fields = [{fields}]{beside} }}", names[5]);
         let seconds = (0..hours.len()).map(second).collect();
+        Some(Clock { key: Some(key), seconds, questions: Vec::new() })
+    }
+
+    /// The year and the day of the year in columns of their own, beside the seconds of the day, or beside hour, minute and
+    /// the seconds of the minute.
+    pub(super) fn of_year(&self) -> Option<Clock> {
+        let all = |names: &[&str], range: RangeInclusive<f64>| {
+            let named = |h: &String| names.contains(&words(h).concat().as_str());
+            let k = self.layout.headings.iter().position(named)?;
+            self.layout.column(k).iter().all(|v| range.contains(v)).then_some(k)
+        };
+        let year = all(&["year", "yyyy", "yr"], RANGES[0].clone())?;
+        let day =
+            all(&["doy", "ddd", "dayofyear", "yearday", "yday", "jday", "julianday"], 1.0..=366.0)?;
+        let [hour, minute, second] = [3, 4, 5].map(|field| {
+            let names = [FIELDS[field], OF_DAY[field - 3]].concat();
+            all(&names, RANGES[field].clone())
+        });
+        let (names, column, seconds): (Vec<usize>, _, _) = match hour.zip(minute).zip(second) {
+            Some(((hour, minute), second)) => {
+                let [hours, minutes, seconds] =
+                    [hour, minute, second].map(|k| self.layout.column(k));
+                let of = |k: usize| (hours[k] * 60.0 + minutes[k]) * 60.0 + seconds[k];
+                (vec![year, day, hour, minute], second, (0..hours.len()).map(of).collect())
+            }
+            None => {
+                let words = ["sod", "secondsofday", "secofday", "seconds", "sec", "time"];
+                let seconds = all(&words, 0.0..=DAY)?;
+                (vec![year, day], seconds, self.layout.column(seconds))
+            }
+        };
+        let names: Vec<String> = names.into_iter().map(|k| quoted(self.heading(k))).collect();
+        let key = format!(
+            "time = {{ column = {}, of_year = [{}] }}",
+            quoted(self.heading(column)),
+            names.join(", ")
+        );
         Some(Clock { key: Some(key), seconds, questions: Vec::new() })
     }
 
@@ -146,6 +185,33 @@ mod tests {
         assert!(keys(words, "2023,11,14").contains(key), "{}", keys(words, "2023,11,14"));
         let order = keys("dia,mes,any,hora,minut,segon,millesima", "14,11,2023");
         assert!(order.contains("fields = [\"any\", \"mes\", \"dia\""), "{order}");
+    }
+
+    #[test]
+    fn a_day_of_the_year_has_hour_minute_and_second_in_columns_beside_it() {
+        let row = |k: usize| {
+            let second = 3_550.0 + k as f64 / 10.0;
+            let [minute, hour] = [(second / 60.0).floor(), 22.0 + (second / 3600.0).floor()];
+            let second = second % 60.0;
+            format!("2023,318,{hour},{},{second:.1},0.0{},1,2,0.1,0.2,-9.8\n", minute % 60.0, k % 7)
+        };
+        let rows = (0..900).map(row).collect::<String>();
+        let keys = |headings: &str| {
+            let found = recognise(&format!("{headings},gx,gy,gz,ax,ay,az\n{rows}"), "");
+            found.map_or_else(|why| why, |found| found[0].source.join("\n"))
+        };
+        for [year, day, hour, minute, second] in
+            [["YEAR", "DOY", "HH", "MM", "SS.SSS"], ["year", "day of year", "h", "min", "sec"]]
+        {
+            let found = keys(&[year, day, hour, minute, second].join(","));
+            let key = format!(
+                "time = {{ column = \"{second}\", of_year = [\"{year}\", \"{day}\", \"{hour}\", \"{minute}\"] }}"
+            );
+            assert!(found.contains(&key), "{found}");
+        }
+        // the seconds of a minute alone are no clock
+        let why = keys("a,b,c,d,SS.SSS");
+        assert!(why.contains("no column of the time"), "{why}");
     }
 
     #[test]

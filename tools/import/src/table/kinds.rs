@@ -26,10 +26,33 @@ const SENSORS: [&str; 4] = ["imu", "gyros", "accels", "gnss"];
 /// The same for a file without, by the names of its rows.
 const NAMED: [&str; 6] = ["imu", "gyros", "accels", "gnss", "dvl", "depth"];
 
+/// Sentences of instruments, with the name in the cell behind that of their maker, and their headings: Rowe (DVL/ADCP
+/// User Guide) and Exail (PHINS, interface library).
+const SENTENCES: [(&str, &str, &[&str]); 3] = [
+    (
+        "$PRTI01",
+        "",
+        &["time [10*ms]", "ping", "temperature", "vel_x [mm/s]", "vel_y [mm/s]", "vel_z [mm/s]"],
+    ),
+    ("$PIXSE", "LOGIN_", &["vel_x [m/s]", "vel_y [m/s]", "vel_z [m/s]", "misalignment", "UTC"]),
+    ("$PIXSE", "DEPIN_", &["depth [m]", "UTC"]),
+];
+
 /// The rows of one kind.
 struct Kind<'a> {
     name: &'a str,
+    /// Name of a sentence behind that of the maker, or nothing.
+    part: &'a str,
     lines: Vec<&'a str>,
+}
+
+impl Kind<'_> {
+    /// The headings of a known sentence, behind its name.
+    fn sentence(&self) -> Option<&'static [&'static str]> {
+        let found =
+            SENTENCES.iter().find(|(maker, part, _)| (*maker, *part) == (self.name, self.part));
+        found.map(|(.., headings)| *headings)
+    }
 }
 
 /// The cells of a line, which commas or the like separate, or else spaces.
@@ -63,13 +86,16 @@ fn kinds(text: &str, place: usize) -> Vec<Kind<'_>> {
             continue;
         };
         named += 1;
-        match kinds.iter().position(|kind| kind.name == name) {
+        let makes = SENTENCES.iter().any(|(maker, part, _)| *maker == name && !part.is_empty());
+        let part = if makes { cells(line).get(place + 1).copied().unwrap_or("") } else { "" };
+        match kinds.iter().position(|kind| kind.name == name && kind.part == part) {
             Some(k) => kinds[k].lines.push(line),
-            None if kinds.len() < KINDS => kinds.push(Kind { name, lines: vec![line] }),
+            None if kinds.len() < KINDS => kinds.push(Kind { name, part, lines: vec![line] }),
             None => return Vec::new(),
         }
     }
-    let several = kinds.iter().filter(|kind| kind.lines.len() > 1).count() > 1;
+    let several = kinds.iter().filter(|kind| kind.lines.len() > 1).count() > 1
+        || kinds.iter().any(|kind| kind.sentence().is_some());
     let most = named >= LINES && f64::from(named as u32) >= SHARE * lines.len() as f64;
     if several && most { kinds } else { Vec::new() }
 }
@@ -145,6 +171,12 @@ fn of(
         (0..cells.len()).filter(|k| counters.contains(k)).for_each(|k| cells[k].clear());
     }
     let described = described(text, kinds, kind.name).filter(|_| place == 0);
+    let described = kind.sentence().map_or(described, |sentence| {
+        let names = (0..=place + usize::from(!kind.part.is_empty())).map(|k| format!("word_{k}"));
+        let known = names.chain(sentence.iter().map(|heading| (*heading).to_owned()));
+        let others = (0..).map(|k| format!("column_{k}"));
+        Some(known.chain(others).take(layout.width()).collect())
+    });
     let headings = match described {
         Some(headings) if headings.len() == layout.width() => Some(headings),
         _ => {
@@ -168,6 +200,9 @@ fn of(
     layout.given = true;
     layout.skip = 0;
     layout.kind = vec![(place, kind.name.to_owned())];
+    if !kind.part.is_empty() {
+        layout.kind.push((place + 1, kind.part.to_owned()));
+    }
     // several instances share their rows: the first is used
     let instance = layout.headings.iter().position(|h| h == "I");
     if let Some((k, first)) = instance.and_then(|k| Some((k, layout.rows.first()?.get(k)?.clone())))
@@ -200,7 +235,7 @@ pub fn sensors(text: &str, whole: bool) -> Vec<Found> {
             }
             match sensors.len() > before {
                 true => used += 1,
-                false => unused.push(kind.name),
+                false => unused.push([kind.name, kind.part].join(" ").trim_end().to_owned()),
             }
         }
         if let Some(first) =
@@ -210,8 +245,57 @@ pub fn sensors(text: &str, whole: bool) -> Vec<Found> {
             first.questions.push(format!("the rows of {} are not used", unused.join(", ")));
         }
         // rows of one width with a word before them may be one table; a word further on may be a status
-        let several = sensors.len() > 1 || of_several_widths(&kinds);
+        let known = kinds.iter().any(|kind| kind.sentence().is_some());
+        let several = sensors.len() > 1 || known || of_several_widths(&kinds);
         if several && (place == 0 || used > 1) { sensors } else { Vec::new() }
     };
     (0..PLACES).map(found).find(|sensors| !sensors.is_empty()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::sensors;
+
+    /// The kinds of the sensors in lines, with their keys.
+    fn found(line: &dyn Fn(usize) -> String) -> Vec<(&'static str, String)> {
+        let text: String = (0..60).map(line).collect();
+        sensors(&text, true).into_iter().map(|f| (f.kind, f.source.join("\n"))).collect()
+    }
+
+    #[test]
+    fn the_bottom_track_of_rowe_is_a_velocity_log_in_mm_per_second() {
+        let line = |k: usize| {
+            let bad = k % 20 == 9;
+            let [x, y, z] = if bad { [-99_999; 3] } else { [1200 + k as i32, 35, -12] };
+            format!("$PRTI01,{},{k},1468,{x},{y},{z},12000,,,,,0000,0,0*1A\n", 379_550 + 20 * k)
+        };
+        let log = &found(&line)[0];
+        assert_eq!(log.0, "dvl");
+        for key in [
+            "unit = \"10*ms\"",
+            "columns.vel_x = { column = \"vel_x [mm/s]\", unit = \"mm/s\" }",
+            "missing = [-99999.0]",
+            "rows = { \"kind\" = \"$PRTI01\" }",
+        ] {
+            assert!(log.1.contains(key), "{}", log.1);
+        }
+    }
+
+    #[test]
+    fn the_sentences_of_a_phins_are_a_velocity_log_and_a_depth() {
+        let line = |k: usize| {
+            let time = format!("2213{:02}.{:02}0000", 10 + k / 5, 20 * (k % 5));
+            format!(
+                "$PIXSE,TIME__,{time}*6B\n$PIXSE,LOGIN_,1.4{k},0.039,0.033,0.000,{time}*67\n\
+                 $PIXSE,DEPIN_,73{}.811,{time}*7D\n",
+                k % 9
+            )
+        };
+        let found = found(&line);
+        let kinds: Vec<&str> = found.iter().map(|(kind, _)| *kind).collect();
+        assert_eq!(kinds, ["dvl", "depth"]);
+        let rows = "rows = { \"kind\" = \"$PIXSE\", \"word_1\" = \"LOGIN_\" }";
+        assert!(found[0].1.contains(rows), "{}", found[0].1);
+        assert!(found[0].1.contains("format = \"time-of-day\""), "{}", found[0].1);
+    }
 }

@@ -57,9 +57,10 @@ pub fn recognise(beginning: &str, name: &str) -> Result<Vec<Found>, String> {
     of_text(beginning, name, true)
 }
 
-/// The inertial unit in rows of other kinds, such as sentences of NMEA.
-pub fn inertial_kinds(text: &str) -> Vec<Found> {
-    kinds::sensors(text, false).into_iter().filter(|found| found.kind == "imu").collect()
+/// The inertial unit, the velocity log and the depth in rows of other kinds than the sentences of NMEA 0183 beside them.
+pub fn other_kinds(text: &str) -> Vec<Found> {
+    let wanted = |found: &Found| ["imu", "dvl", "depth"].contains(&found.kind);
+    kinds::sensors(text, false).into_iter().filter(wanted).collect()
 }
 
 /// The same; with `stamps`, a terminal program may have written one before each line.
@@ -255,6 +256,32 @@ mod tests {
         assert!(told(&table(|k| 500_000 + k % 3)).contains("altitude: mm"));
         // beside the sea, in mm
         assert!(told(&table(|k| 1500 + 400 * (k % 3))).contains("altitude: mm"));
+    }
+
+    #[test]
+    fn a_height_that_counts_from_the_start_gives_way_to_another_one() {
+        let table = |height: [f64; 2]| {
+            let row = |k: usize| {
+                let [a, b] = height.map(|h| h + 0.1 * k as f64);
+                format!("{k},48.{k:04},11.5,{a:.1},{b:.1}\n")
+            };
+            "t,lat,lon,height,altitude\n".to_owned() + &(0..40).map(row).collect::<String>()
+        };
+        assert!(told(&table([0.0, 497.0])).contains("columns.height = { column = \"altitude\""));
+        assert!(told(&table([512.0, 497.0])).contains("columns.height = { column = \"height\""));
+    }
+
+    #[test]
+    fn the_increments_of_a_quaternion_with_indices_from_zero_are_angles() {
+        let head =
+            "PacketCounter,t,VelInc_X,VelInc_Y,VelInc_Z,OriInc_q0,OriInc_q1,OriInc_q2,OriInc_q3";
+        let row = |k: usize| {
+            let t = k as f64 / 100.0;
+            format!("{k},{t:.2},0.001,0.002,0.098,0.99999,0.000{},0.0001,-0.0002\n", 1 + k % 3)
+        };
+        let text = told(&(head.to_owned() + "\n" + &(0..60).map(row).collect::<String>()));
+        assert!(text.contains("columns.dtheta_x = { column = \"OriInc_q1\""), "{text}");
+        assert!(text.contains("columns.dtheta_z = { column = \"OriInc_q3\""), "{text}");
     }
 
     #[test]

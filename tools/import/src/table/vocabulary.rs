@@ -124,7 +124,7 @@ pub fn si(channel: &str) -> &'static str {
 /// Rank of an axis whose word names the axes of one vector alone.
 const OWN: usize = 50;
 /// Words for increments of the attitude as a quaternion.
-const QUATERNIONS: [&str; 2] = ["dq", "oriinc"];
+const QUATERNIONS: [&str; 3] = ["dq", "oriinc", "oriincq"];
 /// Directions, which are velocities where their unit is one of a speed.
 const DIRECTIONS: [(&str, &str, f64); 4] = [
     ("north", "vel_n", 1.0),
@@ -316,9 +316,17 @@ pub fn axis_of(heading: &str) -> Option<usize> {
     words.iter().rev().find_map(|word| AXES[..3].iter().position(|(axis, ..)| axis == word))
 }
 
-/// A heading whose axes count from 1 to 3, as `dv[1]`, with those from 0 to 2.
+/// A heading whose axes count from 1 to 3, as `dv[1]`, with those from 0 to 2, or with the letters of a quaternion, as
+/// `OriInc_q1` beside `OriInc_q0`.
 pub fn from_zero(heading: &str, all: &[String]) -> String {
     let index = |c: char| c.is_ascii_digit();
+    if let Some((at, digit @ '0'..='3')) = heading.char_indices().next_back() {
+        let stem = &heading[..at];
+        let four = ('0'..='3').all(|digit| all.contains(&format!("{stem}{digit}")));
+        if four && QUATERNIONS.contains(&words(stem).concat().as_str()) {
+            return format!("{stem}{}", ["w", "x", "y", "z"][digit as usize - '0' as usize]);
+        }
+    }
     // the last digit may be one of a unit, as in `a1_mps2`
     let counted = |(at, digit): (usize, char)| {
         let (stem, rest) = (&heading[..at], &heading[at + 1..]);

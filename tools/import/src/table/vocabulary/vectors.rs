@@ -62,7 +62,7 @@ pub const VECTORS: [([&str; 3], &str, &[&str]); 8] = [
     (
         ["dtheta_x", "dtheta_y", "dtheta_z"],
         "rad",
-        &["dtheta", "theta", "deltatheta", "deltaangle", "dang", "dq", "oriinc"],
+        &["dtheta", "theta", "deltatheta", "deltaangle", "dang", "dq", "oriinc", "oriincq"],
     ),
     (
         ["dvel_x", "dvel_y", "dvel_z"],
