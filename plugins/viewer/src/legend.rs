@@ -7,7 +7,6 @@ use crate::strip::{self, BESIDE, LETTER, MARGINS, has_room, without_word};
 use crate::style::{Colour, path};
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::health::Health;
-use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
@@ -105,10 +104,10 @@ fn mark(severity: Severity) -> Colour {
 pub fn write_verdict(
     recording: &Recording,
     first: i64,
-    verdict: &Verdict,
+    (words, severity): (&str, Severity),
 ) -> Result<(), StreamError> {
-    let (entity, words) = (path(&[ASSESSMENT]), verdict.words());
-    recording.log_static(&entity, &strip::look([(words, mark(verdict.severity()))]))?;
+    let entity = path(&[ASSESSMENT]);
+    recording.log_static(&entity, &strip::look([(words, mark(severity))]))?;
     recording.log(&entity, first, &StateChange::single(words))
 }
 

@@ -89,13 +89,25 @@ pub fn states(run: &Run, verdict: Option<&Verdict>) -> String {
     page
 }
 
+/// The verdict of a run in words, and how severe it is, for the title and the strip.
+pub fn judged(run: &Run, verdict: &Verdict) -> (String, Severity) {
+    in_words(verdict, &Errors::of(&run.blocks, run.simulated, run.reference))
+}
+
+/// The same. The truth of a simulation may contradict what the run alone cannot find.
+fn in_words(verdict: &Verdict, errors: &Errors) -> (String, Severity) {
+    let (words, severity) = (verdict.words(), verdict.severity());
+    if errors.contradict() && severity <= Severity::Contained {
+        (format!("{words}, but the truth contradicts its sigma"), Severity::Doubtful)
+    } else {
+        (words.to_owned(), severity)
+    }
+}
+
 fn write_verdict(page: &mut String, name: &str, verdict: &Verdict, errors: &Errors) {
     let given = verdict.answers();
     let Answers { because, sigma, sigma_because, .. } = &given;
-    // the truth of a simulation may contradict what the run alone cannot find
-    let hidden = errors.contradict() && verdict.severity() <= Severity::Contained;
-    let but = if hidden { ", but the truth contradicts its sigma" } else { "" };
-    let _ = writeln!(page, "# {name}: {}{but}\n", verdict.words());
+    let _ = writeln!(page, "# {name}: {}\n", in_words(verdict, errors).0);
     let sigma = match sigma {
         // one judgement: the truth knows what no innovation shows
         Truth::True | Truth::TooLarge if errors.contradict() => {

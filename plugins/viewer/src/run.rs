@@ -14,9 +14,8 @@ use crate::state::{self, BlockSeries};
 use crate::strip::BESIDE;
 use crate::track::Motion;
 use navfuse_core::model::record::Corrected;
-use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::health::Health;
-use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::sensor::{Accuracy, Purpose};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::units::time::Time;
@@ -134,11 +133,11 @@ impl Run {
         self.track.as_ref().map_or_else(Here::default, Motion::here)
     }
 
-    /// Writes the whole run.
+    /// Writes the whole run; `judged` is its verdict in words, and how severe it is.
     pub fn write(
         &mut self,
         recording: &Recording,
-        verdict: Option<&Verdict>,
+        judged: Option<(String, Severity)>,
     ) -> Result<(), StreamError> {
         self.blocks.iter_mut().try_for_each(|block| block.write(recording))?;
         if let Some((block, component)) = self.worst {
@@ -157,8 +156,8 @@ impl Run {
         if let Some(span) = span.filter(|(first, last)| first < last) {
             legend::write(recording, span)?;
             legend::write_clock(recording, span)?;
-            if let Some(verdict) = verdict {
-                legend::write_verdict(recording, span.0, verdict)?;
+            if let Some((words, severity)) = judged {
+                legend::write_verdict(recording, span.0, (&words, severity))?;
             }
             self.lanes.iter_mut().try_for_each(|lane| lane.fit(recording, span, BESIDE))?;
         }

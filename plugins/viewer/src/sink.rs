@@ -169,7 +169,8 @@ impl RerunSink {
         self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
         self.refresh()?;
         if let Some(run) = &mut self.run {
-            run.write(&self.recording, self.verdict.as_ref())?;
+            let judged = self.verdict.as_ref().map(|verdict| overview::judged(run, verdict));
+            run.write(&self.recording, judged)?;
             let at = (self.verdict.as_ref(), end);
             run.write_overview(&self.recording, at, &left(&self.tabs))?;
             let layout = arrangement::messages(run, &self.tabs, Stage::Ended)

@@ -27,7 +27,7 @@ pub fn without_word(word: &str) -> String {
 }
 
 /// The look of a strip with those words and colours.
-pub fn look(words: impl IntoIterator<Item = (&'static str, Colour)> + Clone) -> StateConfiguration {
+pub fn look<'a>(words: impl IntoIterator<Item = (&'a str, Colour)> + Clone) -> StateConfiguration {
     let all = || words.clone().into_iter();
     // an empty label would be replaced by the state itself
     StateConfiguration::new()
