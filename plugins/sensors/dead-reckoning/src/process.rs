@@ -230,6 +230,14 @@ impl DeadReckoningModel {
         }
     }
 
+    /// Marks attitude, velocity and position as known.
+    fn mark(&self, known: &mut [bool]) {
+        let n = &self.navigation;
+        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
+            known[slot] = true;
+        }
+    }
+
     /// Variance of the fresh error of the attitude, about north, east and down: the white noise of a
     /// reading, and the change of its slow error over `dt`; or the unknown turn without a reading.
     fn fresh(&self, read: bool, dt: f64) -> Vector3<f64> {
@@ -329,13 +337,11 @@ impl ProcessModel for DeadReckoningModel {
             let w = motion.w_ib_b;
             state.publish(signal, &[w.x, w.y, w.z]);
         }
-        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
-            known[slot] = true;
-        }
+        self.mark(known);
     }
 
     /// The AHRS gives any attitude, so the vehicle turns about down by the noise of `turn`, and stays
-    /// level. The noise of the position is that part of the acceleration which the mean of both velocities lacks.
+    /// level. The mean of both velocities lacks a part of the position's noise, which is added.
     fn wander(
         &mut self,
         layout: &Layout,
@@ -355,9 +361,7 @@ impl ProcessModel for DeadReckoningModel {
         truth.set(layout, n.attitude, &(turn * truth.get(layout, n.attitude)));
         truth.set(layout, n.velocity, &next);
         truth.set(layout, n.position, &truth.get(layout, n.position).displaced(&moved));
-        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
-            known[slot] = true;
-        }
+        self.mark(known);
     }
 
     fn memory(&mut self, io: &mut Io<'_>) {
